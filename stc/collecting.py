@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from stc.optimizers import DEFAULT
 from stc.problem import FrameRange, Problem, VariableRef
 from stc.recorded_files import record
 from stc.records import dataclass
 from stc.solution import ReplayChannel, Solution
 from stc.solver import Result
-from stc.solver.optimizers import DEFAULT
 from stc.symbolic.expr import Expr, symbols
 from stc.trajectory import Channel, FloatArray
 from stc.transcription import Transcription
@@ -50,6 +50,7 @@ def collect(
         optimality=result.optimality,
         iterations=result.iterations,
         factorizations=result.factorizations,
+        strategy=result.strategy,
         optimizer=optimizer,
         seconds=seconds,
         row_multipliers=result.row_multipliers,

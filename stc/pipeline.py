@@ -32,10 +32,10 @@ from stc.language import read_problem
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
 from stc.nested import FINE, FewerFrames, Fineness, fewer_frames
+from stc.optimizers import DEFAULT, Minimizer
 from stc.problem import Problem
 from stc.solution import Solution, read
 from stc.solver import IterationRecord, Options, Start, Status
-from stc.solver.optimizers import DEFAULT, Minimizer
 from stc.solver.options import given_options
 from stc.solving import ColdSolve, solve
 from stc.transcription import Transcription, transcribe
@@ -215,7 +215,7 @@ class Model:
                 keeps the spec's own guess. Several numbers are spread evenly over the motion, or stand where ``t``,
                 ``time`` or ``frame`` says.
             callback: called with a record after every iteration; returning True stops the solve.
-            optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/solver.md.
+            optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/optimizers.md.
             minimizer: called in the optimizer's stead, say to measure it (see :mod:`stc.studies.profile`).
             fewer_first: a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`), unless it
                 starts from a solution.

@@ -117,6 +117,7 @@ class Solution:
         optimality: the first-order optimality error that the solver stopped with.
         iterations: number of iterations.
         factorizations: number of factorised KKT systems, inner loops included.
+        strategy: what the solver tried last, and found the answer by if there is one; empty in one read from a file.
         optimizer: name of the method that found it.
         seconds: wall time by stage (``parse``, ``derive``, ``compile``, ``solve``, ``total``).
         x: (N,) the unknowns as the solver ordered them.
@@ -164,6 +165,7 @@ class Solution:
     multipliers: Sequence[MultiplierBlock] = ()
     model: str | None = None
     replay: Sequence[ReplayChannel] = ()
+    strategy: str = ""
     force_frames: tuple[int, int] | None = None
     files: Sequence[RecordedFile] = ()
     data: Sequence[RecordedFile] = ()

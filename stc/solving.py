@@ -15,12 +15,12 @@ from stc import unfinished
 from stc.collecting import collect
 from stc.deadline import left
 from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way, only_once
+from stc.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
 from stc.problem import Problem
 from stc.records import dataclass, field
 from stc.relaxing import brought_down
 from stc.solution import Solution
 from stc.solver import Options, Result, Start, Status
-from stc.solver.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
 from stc.solver.status import advice, sentence
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
@@ -75,7 +75,7 @@ def solve(
         options: of the solver.
         start: decision vector (and multipliers) to start from instead of the guess.
         callback: called after every iteration; returning True stops.
-        optimizer: its name, see :mod:`stc.solver.optimizers`.
+        optimizer: its name, see :mod:`stc.optimizers`.
         minimizer: called in its stead, say to measure it.
         bound: the transcription with these constants, if it is at hand.
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from stc.collecting import collect
 from stc.errors import StcError
+from stc.optimizers import DEFAULT
 from stc.records import dataclass
 from stc.solution import Solution
 from stc.solver import IterationRecord, Options, Result, Status
-from stc.solver.optimizers import DEFAULT
 from stc.solver.status import advice, sentence
 from stc.transcription import Transcription
 

@@ -441,20 +441,6 @@ def test_the_limit_counts_the_iterations_on_fewer_frames_that_were_to_help(
     assert model.solve(max_iterations=needed + 1).status == "optimal"
 
 
-@pytest.mark.parametrize(("lately", "expected"), [(3, ["near"]), (50, ["near", "far", "near"])])
-def test_a_solve_that_converges_when_its_steps_are_used_up_goes_on(
-    lately: int, expected: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    text = PENDULUM.replace("n = 400", "n = 48")
-    direct = stc.load(text).solve(fewer_first=False)
-    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=direct.iterations - 2))
-    monkeypatch.setattr("stc.solver.interior.LATELY", lately)
-    places, solution = started(text)
-    assert places == expected
-    assert solution.status == "optimal"
-    assert solution.objective == pytest.approx(direct.objective, rel=1e-8)
-
-
 def test_where_fewer_frames_do_not_help_the_solve_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     text = PENDULUM.replace("n = 400", "n = 24")  # no fewer will do
     direct = stc.load(text).solve(fewer_first=False)
@@ -565,11 +551,10 @@ def test_half_way_there_are_as_many_times_more_frames_as_all_are_more_than_these
 @pytest.fixture
 def always_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """Solves from fewer frames are left to the barrier, and taken for lost after their first step."""
-    monkeypatch.setattr("stc.solver.attempts.NEIGHBOUR_STEPS", 0)
+    monkeypatch.setattr("stc.solver.strategies.NEIGHBOUR_STEPS", 0)
     monkeypatch.setattr("stc.solver.warm_start.from_neighbour", lambda *_, **__: (None, False))
     monkeypatch.setattr("stc.solver.active_set.NEAR", 0.0)
-    monkeypatch.setattr("stc.solver.sqp.FOLLOWED", Tactics(near=1))
-    monkeypatch.setattr("stc.solver.interior.LOST", -1.0)
+    monkeypatch.setattr("stc.solver.sqp.FOLLOWED", Tactics(budget=1))
 
 
 def test_a_motion_that_is_lost_on_all_frames_is_solved_half_way(

@@ -56,6 +56,7 @@ def show_solution(
         ("violation", f"{solution.violation:.2e}"),
         ("optimality", f"{solution.optimality:.2e}"),
         ("iterations", f"{solution.iterations} ({solution.factorizations} factorizations)"),
+        *([("found by", solution.strategy)] if solution.strategy not in ("", "from the guess") else []),
         ("size", f"{len(solution.x)} variables, {len(solution.row_multipliers)} rows"),
     ]
     if grid is not None:
@@ -300,7 +301,7 @@ def warnings_as_notes() -> Iterator[None]:
         note(str(message))
 
     with warnings.catch_warnings():
-        from stc.solver.optimizers import SizeWarning
+        from stc.optimizers import SizeWarning
 
         warnings.simplefilter("always", SizeWarning)
         warnings.showwarning = show

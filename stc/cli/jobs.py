@@ -324,7 +324,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         from stc.cli.keeping import keep_inputs
 
         keep_inputs(file, model, options.search.guess)
-    from stc.solver.optimizers import DEFAULT
+    from stc.optimizers import DEFAULT
 
     if options.threads is not None:
         from stc.codegen.threads import limit

@@ -119,7 +119,7 @@ def check_optimizer(name: str) -> None:
     Raises:
         UsageError: with the nearest name.
     """
-    from stc.solver.optimizers import optimizer_of
+    from stc.optimizers import optimizer_of
 
     optimizer_of(name)
 

@@ -98,7 +98,7 @@ def _check(target: str, window: Window, live: bool) -> None:
 def _live(target: str, options: SolveOptions, window: Window) -> int:
     """Show a solve; what it hands over is saved."""
     from stc.cli.keeping import keep_inputs, keep_optimal
-    from stc.solver.optimizers import DEFAULT
+    from stc.optimizers import DEFAULT
     from stc.viewer.live import LiveSolve
 
     model = load(target, options.constants)

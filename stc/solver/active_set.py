@@ -19,14 +19,14 @@ from functools import partial
 
 import numpy as np
 
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, DUAL_SHIFT
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
 from stc.solver.products import at_bounds, between
 from stc.solver.projection import Projection, ProjectionPair
-from stc.solver.projection_passes import ACCURATE, CONTRACTION
-from stc.solver.restricted import AGAINST_DEPENDENT_ROWS, DUAL_SHIFT
+from stc.solver.projection_kernels import ACCURATE, CONTRACTION
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
@@ -37,17 +37,11 @@ __all__ = [
     "newton_on_active_set",
     "newton_point",
     "project",
-    "smaller_multipliers",
 ]
 
 NEAR = 1e-2
 RETREAT = 0.1
 """How much smaller the error is to be after a first attempt in vain; after the second the square of it, and so on."""
-CLEAR = 10.0
-DOUBTFUL = 2
-PATIENT = 0.3
-"""Which bounds are active is clear where multipliers and gaps differ by such a factor. With more doubtful ones than so
-many, steps as if it were known lead astray: the next look is at this share of the error."""
 FINISHING_STEPS = 8
 SLIGHT_CONTRACTION = 0.5
 """What is enough to go on from a neighbour."""
@@ -55,7 +49,6 @@ FAST = 1e-2
 """Contraction that makes one more step worth its while: it gains two digits or more."""
 FARTHEST = 30.0
 """A step that makes the error this many times larger has lost its way, whatever patience is left."""
-SAME = 1e-8
 NEARLY_AT = 1e-6
 """Distance to a bound, relative to ``max(1, |bound|)``, at which it may hold a point that came without multipliers."""
 CHANGES, REFINEMENTS, ROUNDED = 10, 40, 1e-14
@@ -167,19 +160,9 @@ class Finish:
         self.threshold = NEAR
         self._failures = self._regularity = 0
 
-    def is_due(self, it: Iterate, error: float) -> bool:
-        """Whether to try it at an iterate of that error: near enough, and clear about what is active.
-
-        Ratios of multipliers and gaps tell (A. S. El-Bakry, R. A. Tapia and Y. Zhang, A study of indicators for
-        identifying zero variables in interior-point methods, SIAM Review 36, 1994).
-        """
-        if not isinstance(self._form, ScaledProblem) or error > self.threshold:
-            return False
-        ratio = it.z / it.gap
-        if np.count_nonzero((ratio > 1.0 / CLEAR) & (ratio < CLEAR)) > DOUBTFUL:
-            self.threshold = PATIENT * error
-            return False
-        return True
+    def is_due(self, error: float) -> bool:
+        """Whether to try it at an iterate of that error."""
+        return isinstance(self._form, ScaledProblem) and error <= self.threshold
 
     def attempt(self, it: Iterate, error: float) -> Projection | None:
         """The solution, or None; where it ``is_due``."""
@@ -204,22 +187,6 @@ def _balancing(form: ScaledProblem, jac: Floats, free: Mask, active: Mask) -> Ca
     shift = np.where(active, DUAL_SHIFT, 1.0)
     form.kkt.factorize(np.zeros(form.hess_rows.size), entries, np.ones(form.n), shift)
     return lambda pull: np.where(active, form.kkt.solve(pull, np.zeros(form.m))[1], 0.0)
-
-
-def smaller_multipliers(form: ScaledProblem, x: Floats, y: Floats) -> Floats:
-    """Row multipliers (m,) of least norm, nearly, that do not leave a larger error than ``y`` (m,) or 1e-8.
-
-    Where gradients of active constraints depend on one another, multipliers are not unique, and an iteration may
-    end with huge ones that cancel.
-    """
-    point = project(form, x, y)
-    if point is None:
-        return y
-    free, active = point.active_x == 0.0, point.active_rows != 0.0
-    smaller = _balancing(form, point.jac, free, active)(np.where(free, -point.gradient, 0.0))
-    error = point.error
-    new = project(form, x, smaller)
-    return smaller if new is not None and new.error <= max(error, SAME) else y
 
 
 def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import math
 
-from stc.solver.barrier_passes import SMALLEST_TAU
-from stc.solver.places import (
+from stc.solver.barrier_update import SMALLEST_TAU
+from stc.solver.state import (
     ADAPTIVE,
-    BLOCKED,
-    BOUNDED_ERROR,
     CHANGED,
     CRAWLS,
     ERROR_BEFORE,
@@ -31,7 +29,7 @@ __all__ = ["BarrierParameter"]
 
 
 class BarrierParameter:
-    """The parameter, the fraction to the boundary, and the mode; :mod:`stc.solver.barrier_passes` changes them."""
+    """The parameter, the fraction to the boundary, and the mode; :mod:`stc.solver.barrier_update` changes them."""
 
     def __init__(self, work: Workspace, mu: float, smallest: float, adaptive: bool = True) -> None:
         self._s = s = work.s
@@ -39,7 +37,7 @@ class BarrierParameter:
         s[MU] = mu if gaps else 0.0
         s[SMALLEST_MU], s[LARGEST_MU] = smallest, math.inf
         s[ADAPTIVE], s[FREE] = adaptive, adaptive and gaps > 0
-        s[TAU], s[CHANGED], s[BLOCKED], s[BOUNDED_ERROR] = SMALLEST_TAU, 0.0, 0.0, 1.0
+        s[TAU], s[CHANGED] = SMALLEST_TAU, 0.0
         s[ERROR_BEFORE], s[MU_BEFORE] = math.inf, math.inf
         # With few bounds the error goes up for other reasons, such as multipliers without a limit.
         s[CRAWLS] = 0.0 if work.form.many_gaps else -math.inf

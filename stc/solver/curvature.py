@@ -8,9 +8,9 @@ m negative and no zero eigenvalues all directions bend upwards, with more negati
 Gould, On practical conditions for the existence and uniqueness of solutions to the general equality quadratic
 programming problem, Math. Program. 32, 1985).
 
-Where one does, inverse iteration with the shifted factorisation finds it, and the objective falls along a curve of
-feasible points that begins in that direction, either way (J. J. More and D. C. Sorensen, On the use of directions of
-negative curvature in a modified Newton method, Math. Program. 16, 1979). Where a direction does not bend at all, the
+Where one does, inverse iteration with the shifted factorisation finds it, and the objective falls along it, either way
+(J. J. More and D. C. Sorensen, On the use of directions of negative curvature in a modified Newton method, Math.
+Program. 16, 1979). Where a direction does not bend at all, the
 condition tells nothing; there the objective is tried a little way off.
 """
 
@@ -20,7 +20,6 @@ from enum import Enum
 
 import numpy as np
 
-from stc.solver.feasible_curve import follow
 from stc.solver.globalization import largest_step
 from stc.solver.iterate import evaluate
 from stc.solver.newton_system import NewtonSystem, SingularSystem
@@ -51,7 +50,6 @@ class SecondOrder(Enum):
     FLAT = "nothing bends downwards, but something does not bend at all"
     LOWER = "the same, but a lower point was found, to which the iterate was moved"
     LEFT = "something bends downwards, and the iterate was moved to a lower point"
-    ENDLESS = "the objective falls along a curve of feasible points without end"
     FAILS = "something bends downwards, but no lower point was found"
 
 
@@ -90,14 +88,8 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
     moved = _lower(system, dw, few=flat, beyond_errors=probe)
     if moved is None:
         return SecondOrder.FLAT if flat else SecondOrder.FAILS
-    followed = follow(form, it.w, moved)
-    new = evaluate(form, followed.w, it.y.copy(), it.z.copy())
-    if not new.is_finite and not followed.endless:
-        new = evaluate(form, moved, it.y.copy(), it.z.copy())
-    work.load(new)
+    work.load(evaluate(form, moved, it.y.copy(), it.z.copy()))
     work.provide_attempt()
-    if followed.endless:
-        return SecondOrder.ENDLESS
     return SecondOrder.LOWER if flat else SecondOrder.LEFT
 
 

@@ -21,17 +21,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.codegen.calls import CallTable, chain
-from stc.solver import elastic_passes
+from stc.solver import elastic_kernels
 from stc.solver.evaluator import Evaluator
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, evaluate
+from stc.solver.kernels import copy
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies
 from stc.solver.nlp import Floats
-from stc.solver.passes import copy
-from stc.solver.places import VIOLATION
 from stc.solver.products import inner
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.state import VIOLATION
 
 if TYPE_CHECKING:
     from stc.codegen.calls import Bound
@@ -58,18 +58,18 @@ class ElasticKKT(ByCopies):
         self.inertia = np.zeros(3, dtype=np.int64)
         self._factorized = False
         sizes, inverse = (n, m, jac_entries), np.zeros(2 * m)
-        self._eliminate = elastic_passes.eliminate.bind(
+        self._eliminate = elastic_kernels.eliminate.bind(
             *sizes, self.jac, self.primal, self.dual, inverse, base.jac, base.primal, base.dual
         )
-        self._calls = CallTable(elastic_passes.CALLS)
-        self._calls.put(elastic_passes.ELIMINATE, self._eliminate)
-        self._attempt = elastic_passes.attempt.bind(self._calls.cells, m, base.inertia, self.inertia)
+        self._calls = CallTable(elastic_kernels.CALLS)
+        self._calls.put(elastic_kernels.ELIMINATE, self._eliminate)
+        self._attempt = elastic_kernels.attempt.bind(self._calls.cells, m, base.inertia, self.inertia)
         self._begin, self._begin_second = (
-            elastic_passes.hand_on.bind(*sizes, self.jac, inverse, rhs, own)
+            elastic_kernels.hand_on.bind(*sizes, self.jac, inverse, rhs, own)
             for rhs, own in ((self.rhs, base.rhs), (self.second_rhs, base.second_rhs))
         )
         self._end, self._end_second = (
-            elastic_passes.complete.bind(*sizes, self.jac, inverse, rhs, own, solution)
+            elastic_kernels.complete.bind(*sizes, self.jac, inverse, rhs, own, solution)
             for rhs, own, solution in (
                 (self.rhs, base.solution, self.solution),
                 (self.second_rhs, base.second_solution, self.second_solution),
@@ -107,7 +107,7 @@ class ElasticKKT(ByCopies):
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
         own = self._base.attempt_call if self._factorized else None
-        self._calls.put(elastic_passes.ATTEMPT, own)
+        self._calls.put(elastic_kernels.ATTEMPT, own)
         return None if own is None else self._attempt
 
     def resume(self, ended: int) -> Inertia:
@@ -243,7 +243,7 @@ class ElasticProblem(Formulation):
             [
                 place,
                 plain.values_call,
-                elastic_passes.values.bind(
+                elastic_kernels.values.bind(
                     n, m, self.price, *away, plain.r, plain.values_status, ev.x, ev.f, ev.r, ev.values_status
                 ),
             ]
@@ -253,7 +253,7 @@ class ElasticProblem(Formulation):
                 place,
                 copy.bind(m, ev.y, plain.y),
                 plain.derivatives_call,
-                elastic_passes.derivatives.bind(
+                elastic_kernels.derivatives.bind(
                     n, entries, base.free_factor, *away, plain.jac, ev.x, ev.gradient, ev.jac
                 ),
             ]
@@ -267,7 +267,7 @@ class ElasticProblem(Formulation):
                 copy.bind(base.n, it.w, plain.x),
                 plain.values_call,
                 base.violation_call(plain.x, plain.r, numbers[VIOLATION : VIOLATION + 1]),
-                elastic_passes.state.bind(base.objective_unit, plain.f, numbers),
+                elastic_kernels.state.bind(base.objective_unit, plain.f, numbers),
             ]
         )
 

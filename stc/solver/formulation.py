@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from stc.codegen.calls import Bound
 from stc.solver.evaluator import Evaluator, status_of
+from stc.solver.kernels import EQUALITY, IGNORED, INEQUALITY, overstepped
 from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats, Ints, Mask
-from stc.solver.passes import EQUALITY, IGNORED, INEQUALITY, overstepped
-from stc.solver.places import VIOLATION
 from stc.solver.products import Indices, symmetric_times, times
+from stc.solver.state import VIOLATION
 
 if TYPE_CHECKING:
     from stc.solver.iterate import Iterate
@@ -79,8 +79,8 @@ class Formulation:
         target: the right-hand side of equalities, (m,); 0 elsewhere.
         ignored: rows without any bound, (m,).
         index, sign, bound: the gaps, (gaps,) each.
-        convex: variables that the objective alone bends, upwards, and where in the Hessian's entries it says so,
-            (k,) each.
+        convex: variables whose curvature is the objective's alone, and where on the Hessian's diagonal it is, (k,)
+            each.
         objective_unit: the objective that is 1 in the user's terms.
         linear: whether all rows are known to be linear.
         quadratic_objective: whether the objective is known to bend the same everywhere.

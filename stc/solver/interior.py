@@ -14,19 +14,23 @@ import numpy as np
 
 from stc.solver.active_set import Finish, bends_upwards
 from stc.solver.barrier_parameter import BarrierParameter
-from stc.solver.barrier_passes import DOUBTFUL_SOLUTION
+from stc.solver.barrier_update import DOUBTFUL_SOLUTION
 from stc.solver.curvature import SecondOrder, leave_saddle
+from stc.solver.filter_line_search import NOT_FINITE
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate
+from stc.solver.iteration_calls import BLOCKED, FACTORIZATION, LOOK, SEARCH, stages_of
 from stc.solver.kkt.frontal import DOUBTFUL
 from stc.solver.monitor import Monitor
-from stc.solver.multipliers import LaggingMultipliers
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
-from stc.solver.places import (
+from stc.solver.progress import Drift, Nearest, Stall
+from stc.solver.progress_kernels import LARGEST_ERROR
+from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.state import (
     ATTEMPT,
     ATTENTION,
     BEST_KNOWN,
@@ -38,13 +42,11 @@ from stc.solver.places import (
     ERROR,
     FARTHEST,
     FEASIBILITY,
-    FREE,
     LENGTH,
     LENGTH_TAKEN,
     LENGTHENS,
     MADE,
     MOST,
-    PATIENCE,
     PRIMAL,
     PRODUCTS,
     ROW,
@@ -53,13 +55,6 @@ from stc.solver.places import (
     STUCK,
     TAU,
 )
-from stc.solver.products import inner
-from stc.solver.progress import MUCH_NEARER, Drift, Gain, Nearest, Stall
-from stc.solver.progress_passes import LARGEST_ERROR
-from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.search_passes import NOT_FINITE
-from stc.solver.stages import BLOCKED, FACTORIZATION, LAGS, LOOK, SEARCH, stages_of
-from stc.solver.starting import cold_iterate
 from stc.solver.unboundedness import LOW, is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
 
@@ -76,17 +71,7 @@ SMALL = 20_000
 """Unknowns up to which several iterations are made in a row."""
 MANY_GAPS = 100.0
 FEASIBLE = 0.01
-FAR_OFF, BEGUN = 0.1, 0.1
-"""The error after a restoration that tells that it led far away, and the share of the first barrier parameter below
-which that matters."""
 TOO_LITTLE = 0.99
-LONG_PATIENCE = 100
-LOST = 0.1
-"""An attempt whose iterates have all violated rows by more than this is nowhere near a solution."""
-DOUBTED = 60
-"""Iterations after which a quadratic program may have no least objective."""
-LATELY = 25
-"""An attempt whose steps are used up gets so many more as long as its error has gone down so much in as many."""
 SHORTEST_FRACTION, SHORTEST_IN_RESTORATION = 2e-3, 0.02
 """Share of what the bounds allow, below which a step is computed anew; where rows may be violated freely nothing but
 their curvature makes it as short."""
@@ -144,17 +129,10 @@ class _Loop:
         self.tactics, self.stop = tactics, stop
         self.system = NewtonSystem(self.work)
         self.finish = Finish(form, options.tolerance, monitor)
-        self.lagging = LaggingMultipliers(self.work)
         self.drift = Drift(self.work)
         self.last = monitor.iterations + tactics.budget
-        self.judged_at = monitor.iterations + tactics.near if tactics.near else np.inf
-        self.gain = Gain(tactics.gaining, monitor.iterations)
-        doubtful = (
-            isinstance(form, ScaledProblem) and form.quadratic_program and form.nlp.objective_degree > 0
-        )
-        self.doubted_at = monitor.iterations + DOUBTED if doubtful else np.inf
         self.escapes = self.restorations = 0
-        self.early = self.moved_inside = False
+        self.early = False
         self.adaptive = tactics.adaptive
         self.error = np.inf
         self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
@@ -195,18 +173,12 @@ class _Loop:
                     second_order = self._leave_saddle()
                     if second_order is SecondOrder.LEFT:
                         continue
-                    if second_order is SecondOrder.ENDLESS:
-                        return self._outcome(End.UNBOUNDED)
                     minimum = second_order is SecondOrder.HOLDS
                     return replace(self._outcome(End.CONVERGED), minimum=minimum)
-                if self.gain.is_missing(self.nearest.error, monitor.iterations):
-                    return replace(self._give_up(), early=True, idle=True)
                 if self._stalled():
                     self.nearest.return_to()
                     second_order = self._leave_saddle()
-                    if second_order is SecondOrder.ENDLESS:
-                        return self._outcome(End.UNBOUNDED)
-                    if second_order is SecondOrder.LEFT or self._hold_barrier():
+                    if second_order is SecondOrder.LEFT:
                         continue
                     return self._give_up()
                 self.s[ATTENTION] = self._attention()
@@ -229,12 +201,12 @@ class _Loop:
     # -- the state -------------------------------------------------------------------------------------------------
 
     def _repeat(self) -> int:
-        """Iterate as long as all is as usual, and keep account; what :func:`stc.solver.stages.repeat` returns."""
+        """Iterate as long as all is as usual, and keep account; see :func:`stc.solver.iteration_calls.repeat`."""
         work, stages, monitor, s = self.work, self.stages, self.monitor, self.s
         if monitor.watched or monitor.is_late or self.stop is not None:
             most = 0.0
         else:
-            until = min(self.last, self.judged_at, self.gain.due, self.doubted_at, monitor.limit)
+            until = min(self.last, monitor.limit)
             most = max(0.0, min(self.longest, until - monitor.iterations))
         s[MOST], s[BEST_NEW] = most, 0.0
         s[BEST_KNOWN] = monitor.best is not None
@@ -243,16 +215,9 @@ class _Loop:
         ended = stages.repeat()
         work.note_moved()
         try:
-            self._take_records(ended != 0 and ended != LAGS)
+            self._take_records(ended != 0)
         finally:
             work.calls.check()
-        if ended == LAGS:
-            self.lagging.renew()
-            stages.note()
-            s[MADE] = s[BEST_NEW] = 0.0
-            stages.record()
-            self._take_records(True)
-            ended = LOOK
         self.error = s[ERROR]
         return ended
 
@@ -282,14 +247,14 @@ class _Loop:
         form, it = self.form, self.it
         if self.stop is not None and self.stop(form, it):
             return self._outcome(End.STOPPED)
-        if is_unbounded(form, it, self.s[FARTHEST]) or self._recedes():
+        if is_unbounded(form, it, self.s[FARTHEST]):
             return self._outcome(End.UNBOUNDED)
         if not self.error < LARGEST_ERROR or self.s[FARTHEST] > TOO_FAR:
             falling = self.drift.falling and it.f < 0.0
             far = self.s[FARTHEST] > TOO_FAR or it.f < LOW
             feasible = self.s[PRIMAL] <= ACCEPTABLE
             return self._outcome(End.UNBOUNDED) if far and feasible and falling else self._give_up()
-        if self.finish.is_due(it, self.error) and not self.drift.falling:
+        if self.finish.is_due(self.error) and not self.drift.falling:
             done = self.finish.attempt(it, self.error)
             if done is not None:
                 assert isinstance(form, ScaledProblem)
@@ -297,22 +262,6 @@ class _Loop:
                 return Outcome(End.CONVERGED, form, x, y, done.error, it, minimum=minimum)
             self.work.provide_attempt()
         return None
-
-    def _recedes(self) -> bool:
-        """Whether the objective of a quadratic program falls forever; asked where it takes long, and but once."""
-        form, it, monitor = self.form, self.it, self.monitor
-        if monitor.iterations < self.doubted_at:
-            return False
-        assert isinstance(form, ScaledProblem)
-        if self.s[PRIMAL] > ACCEPTABLE * max(1.0, self.s[FARTHEST]):
-            return False
-        from stc.solver.recession import falls_forever
-
-        self.doubted_at = np.inf
-        left = replace(self.options, max_iterations=monitor.limit - monitor.iterations)
-        falls, spent = falls_forever(form.nlp, form.user_variables(it.w[: form.n]), form.x_scale, left)
-        monitor.iterations += spent
-        return falls
 
     def _converged(self) -> bool:
         return self.error <= self.options.tolerance and not self._open() and not self.drift.falling
@@ -325,32 +274,12 @@ class _Loop:
         return GAP * max(1.0, abs(self.it.f))
 
     def _stalled(self) -> bool:
-        return self.stall.stalled or (self.nearest.waited and not self._wait_longer()) or self._is_over()
-
-    def _wait_longer(self) -> bool:
-        """Whether a held barrier is given more steps to close the gap that was open where the error was least."""
-        s = self.s
-        if s[FREE] or s[PATIENCE] >= LONG_PATIENCE or self.nearest.products() <= self._negligible():
-            return False
-        s[PATIENCE] = LONG_PATIENCE
-        return True
+        return self.stall.stalled or self.nearest.waited or self._is_over()
 
     def _is_over(self) -> bool:
-        """Whether the attempt has lost its way, or used up its steps; while it converges it gets more."""
-        monitor = self.monitor
-        if monitor.iterations >= self.judged_at:
-            self.judged_at = np.inf
-            if monitor.best is None or monitor.best[0] > LOST:
-                self.early = True
-                return True
-        if monitor.iterations < self.last:
-            return False
-        lately = monitor.history[-1 - LATELY :]
-        if self.tactics.budget < LATELY or not self.error <= MUCH_NEARER * lately[0].optimality:
-            self.early = True
-            return True
-        self.last = monitor.iterations + LATELY
-        return False
+        """Whether the attempt has used up its steps."""
+        self.early = self.monitor.iterations >= self.last
+        return self.early
 
     def _outcome(self, end: End) -> Outcome:
         it = self.it
@@ -371,18 +300,6 @@ class _Loop:
             self.monitor.count()
             self._begin(self.barrier.mu)
         return found
-
-    def _hold_barrier(self) -> bool:
-        """Go on with a held barrier where the free choice circles a solution without closing the gap."""
-        it = self.it
-        if not (self.adaptive and self._open() and self.nearest.error <= ACCEPTABLE):
-            return False
-        if self.monitor.iterations >= self.last:
-            return False
-        self.adaptive = False
-        self._begin(inner(it.gap, it.z) / self.form.gaps)
-        self.s[PATIENCE] = LONG_PATIENCE
-        return True
 
     def _complete(self, ended: int) -> bool:
         """Complete an iteration that needs help; False when no step was acceptable, or steps are too short to go on.
@@ -441,7 +358,7 @@ class _Loop:
                 ended = self.stages.search()
             taken = search.go_on(ended)
             work.calls.check()
-            if taken or final or search.went_back or ended == NOT_FINITE:
+            if taken or final or ended == NOT_FINITE:
                 break
             ended = None
             before = work.spare, s[LENGTH]
@@ -453,18 +370,6 @@ class _Loop:
         s[SHORTEST] = self.shortest
         work.note_moved()
 
-    def _move_inside(self) -> bool:
-        """Go on from here, but farther off the bounds that hold the iteration up; not a second time."""
-        form = self.form
-        assert isinstance(form, ScaledProblem)
-        if self.moved_inside or not form.gaps:
-            return False
-        self.moved_inside = True
-        self.work.load(cold_iterate(form, self.it.w[: form.n].copy(), by_gaps=False))
-        self.work.provide_attempt()
-        self._begin(self.options.initial_barrier)
-        return True
-
     def _restore(self) -> Outcome | None:
         """Run the restoration phase from a point where no step was acceptable.
 
@@ -474,7 +379,7 @@ class _Loop:
         if not isinstance(form, ScaledProblem) or self.nearest.error <= ACCEPTABLE:
             return self._give_up()
         if it.theta <= FEASIBLE * self.options.tolerance:
-            return None if self._move_inside() else self._give_up()
+            return self._give_up()
         if not self.tactics.patient and self.restorations >= self.tactics.brief_restorations:
             self.early = True
             return self._give_up()
@@ -487,18 +392,12 @@ class _Loop:
 
         def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
             stop = Acceptance(elastic, search.filter, theta, barrier.mu) if brief else None
-            tactics = replace(self.tactics, gaining=0)
-            return optimise(elastic, start, mu, self.options, self.monitor, tactics=tactics, stop=stop)
+            return optimise(elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop)
 
         end, _ = meet_rows(form, it, barrier.mu, self.options.feasibility_tolerance, solve)
         self.work.load(it)
         self.work.provide_attempt()
-        self.gain.expect(1.0, self.monitor.iterations)
         if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
             return self._give_up()
         self.stall = Stall(self.work)
-        lowered = form.gaps > 0 and barrier.mu < BEGUN * self.options.initial_barrier
-        if end is None and lowered and self.work.errors().total > FAR_OFF:
-            # It led far away, from where the barrier is to be lowered once more.
-            self._begin(self.options.initial_barrier)
         return None if end is None else self._outcome(end)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from stc.records import dataclass
-from stc.solver import passes
+from stc.solver import kernels
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import Floats
 
@@ -92,8 +92,8 @@ def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
 def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
     """KKT error of the barrier problem with parameter ``mu`` (Waechter and Biegler 2006, equation 5)."""
     z_sum = float(it.z.sum())
-    dual_scale = passes.multiplier_scale(float(np.abs(it.y).sum()) + z_sum, form.m + form.gaps)
-    gap_scale = passes.multiplier_scale(z_sum, form.gaps)
+    dual_scale = kernels.multiplier_scale(float(np.abs(it.y).sum()) + z_sum, form.m + form.gaps)
+    gap_scale = kernels.multiplier_scale(z_sum, form.gaps)
     dual = it.dual - form.scatter(it.z) if form.gaps else it.dual
     return Errors(
         float(np.abs(dual).max(initial=0.0)) / dual_scale,
@@ -105,5 +105,5 @@ def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
 def push_inside(form: Formulation, w: Floats, push: float) -> Floats:
     """``w`` (n + m,) moved inside its bounds by ``push``, relative to the bound's size or the bounds' distance."""
     moved = w.copy()
-    passes.push_inside(form.size, push, form.lower, form.upper, moved)
+    kernels.push_inside(form.size, push, form.lower, form.upper, moved)
     return moved

@@ -19,8 +19,6 @@ LARGEST_GAIN = 1e-6
 SAFELY, LEAST_SHARE = 0.1, 1e-4
 """Of an error that leaves too much to gain: it falls less evenly than that, and not below rounding errors."""
 ROUNDING = 1e-12
-STEEP = 1e-3
-"""The largest error of a slope that may be one of rounding."""
 LARGE = 1e3
 """A scaled variable that is larger has become so since."""
 
@@ -75,18 +73,7 @@ class Judgement:
         if not np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER:
             return False
         judged = self.assess(point)
-        return holds(self.nlp, point.x, judged, self.options) or self._holds_but_for_rounding(point)
-
-    def _holds_but_for_rounding(self, point: Point) -> bool:
-        """Whether slopes are too large that rounding alone may leave, and nothing else is wrong: steep functions of
-        small variables have such."""
-        from stc.solver.dual_estimate import slopes_left
-
-        judged = self.assess(point)
-        if not judged.optimality <= STEEP or not self.is_met(point.x, judged.violation):
-            return False
-        left = slopes_left(self.nlp, point.x, point.y, judged.bound_multipliers)
-        return not left.any() and self.gain(point) <= ROUNDING
+        return holds(self.nlp, point.x, judged, self.options)
 
     def stalled_short(self, outcome: Outcome, point: Point, again: bool = False) -> bool:
         """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.
@@ -123,13 +110,9 @@ class Judgement:
 
     def gain(self, point: Point) -> float:
         """What it may, relative to the objective, or to 1 where that is less."""
-        from stc.solver.dual_estimate import possible_gain
+        from stc.solver.first_order_gain import possible_gain
 
         return possible_gain(self.nlp, point.x, point.y, self.assess(point).bound_multipliers)
-
-    def forget(self) -> None:
-        """The last outcome's point was moved."""
-        self._last_stated = None
 
     def is_met(self, x: Floats, violation: float) -> bool:
         """Whether ``x`` (n,), of that violation, is feasible."""

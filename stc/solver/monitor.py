@@ -9,11 +9,13 @@ from dataclasses import replace
 from stc import deadline
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
-from stc.solver.progress_passes import is_better
+from stc.solver.progress_kernels import is_better
 from stc.solver.report import Callback, IterationRecord
 from stc.solver.status import Status
 
-__all__ = ["Monitor", "Stopped"]
+__all__ = ["FROM_THE_GUESS", "Monitor", "Stopped"]
+
+FROM_THE_GUESS = "from the guess"
 
 
 class Stopped(Exception):
@@ -31,6 +33,7 @@ class Monitor:
         iterations: steps taken so far.
         limit: how many may be taken.
         history: one record per step, and one for the start.
+        strategy: what is being tried, see :mod:`stc.solver.sqp`.
         best: the best point in the user's terms, ``(violation, objective, x, row multipliers)``, or None.
     """
 
@@ -39,6 +42,7 @@ class Monitor:
         self.iterations = 0
         self.limit = options.max_iterations
         self.history: list[IterationRecord] = []
+        self.strategy = FROM_THE_GUESS
         self.best: tuple[float, float, Floats, Floats] | None = None
         self._callback = callback
         self._deadline = min(deadline.until(), time.perf_counter() + options.time_limit)
@@ -108,7 +112,7 @@ class Monitor:
         best: tuple[float, float, Floats, Floats] | None,
         as_stated: Callable[[], tuple[Floats, Floats]],
     ) -> None:
-        """Take over the records of several iterates (see :mod:`stc.solver.places`), of one where they are ``watched``.
+        """Take over the records of several iterates (see :mod:`stc.solver.state`), of one where they are ``watched``.
 
         Args:
             last_is_open: no step has been taken from the last one yet.

@@ -15,22 +15,31 @@ those of the solution.  There only a share of their part of H is used,
     H_f + share * sum y_i H_i,
 
 between Newton's method and that of Gauss and Newton (Nazareth 1980): it needs smaller shifts, and they make longer
-steps. These count more for large unknowns there, and grow after short steps.
+steps.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from stc.solver.inertia_correction import (
+    DONE,
+    GROWTH,
+    LARGEST_SHIFT,
+    NO_SHIFT,
+    REFACTOR,
+    SMALLEST_SHIFT,
+    UNKNOWN,
+    larger_shift,
+)
+from stc.solver.iteration_calls import stages_of
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.nlp import Floats
-from stc.solver.places import (
+from stc.solver.products import inner
+from stc.solver.state import (
     ATTEMPT,
     BENDS,
     BENDS_ALIKE,
-    CRAMPED,
-    DEFICIENCIES,
-    DEFICIENT,
     DUAL_SHIFT,
     ENDED,
     EQUATIONS,
@@ -42,22 +51,9 @@ from stc.solver.places import (
     SHIFT,
     SLOW_BEFORE,
     SLOW_STEPS,
-    SOFTENED,
     STIFFNESS,
     UNTRIED,
 )  # fmt: skip
-from stc.solver.products import inner
-from stc.solver.shift_passes import (
-    DONE,
-    GROWTH,
-    LARGEST_SHIFT,
-    NO_SHIFT,
-    REFACTOR,
-    SMALLEST_SHIFT,
-    UNKNOWN,
-    larger_shift,
-)
-from stc.solver.stages import stages_of
 from stc.solver.workspace import Step, Workspace
 
 __all__ = ["NewtonSystem", "SingularSystem"]
@@ -77,11 +73,9 @@ class NewtonSystem:
         self._before = (0.0, 0.0)
         s = work.s
         for place in (
-            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, DEFICIENT, DEFICIENCIES, FAILURES, UNTRIED, EXCESS, EXACT,
-            SLOW_STEPS, SLOW_BEFORE, CRAMPED,
+            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, FAILURES, UNTRIED, EXCESS, EXACT, SLOW_STEPS, SLOW_BEFORE,
         ):  # fmt: skip
             s[place] = 0.0
-        s[SOFTENED] = 1.0
         s[EQUATIONS] = form.any_equality
         s[BENDS] = 0.0 if form.linear else UNKNOWN
         s[BENDS_ALIKE] = form.quadratic_objective
@@ -162,7 +156,7 @@ class NewtonSystem:
         self._before = s[STIFFNESS], s[SHIFT]
         s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], shorter * abs(curvature), SMALLEST_SHIFT)
         while not self._is_right():
-            s[SHIFT] = larger_shift(GROWTH, work.numbers)
+            s[SHIFT] = larger_shift(work.numbers)
             if s[SHIFT] > LARGEST_SHIFT:
                 raise SingularSystem
 

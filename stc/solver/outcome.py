@@ -34,22 +34,17 @@ class Tactics:
         adaptive: choose the barrier parameter freely while that makes progress.
         largest_theta: admissible violation, relative to that of the start or to 1.
         budget: steps after which the attempt ends, unless it converges by then.
-        near: steps in which one that begins near a solution meets the rows, at least nearly; 0 where that is not known.
         brief_restorations: those that end where the filter accepts. Where steps fail again after so many, the next ones
             go on to the least violation: on a way between nowhere and nearly there, that tells whether there is a
             feasible point.
         patient: whether to go on so; else the attempt ends there.
-        gaining: steps in which the least error is to become a tenth of what it was; where it does not, the attempt
-            ends, to be gone on with perhaps. 0 where that is not asked for.
     """
 
     adaptive: bool = True
     largest_theta: float = 30.0
     budget: int = 500
-    near: int = 0
     brief_restorations: int = 3
     patient: bool = True
-    gaining: int = 0
 
 
 @dataclass(slots=True)
@@ -63,7 +58,6 @@ class Outcome:
         error: KKT error there.
         iterate: the last iterate of the barrier, where there was one.
         early: whether it could have gone on: its steps were used up, or its patience.
-        idle: whether it ended since it gained too little.
         minimum: whether the second-order condition is known to hold there.
     """
 
@@ -74,7 +68,6 @@ class Outcome:
     error: float
     iterate: Iterate | None = None
     early: bool = False
-    idle: bool = False
     minimum: bool = False
 
     @property

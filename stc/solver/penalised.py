@@ -17,7 +17,7 @@ from stc.codegen.calls import chain
 from stc.codegen.native import f64s, i64, i64s, native
 from stc.solver.convexity import Bending
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
-from stc.solver.keeping import Keeper
+from stc.solver.form_cache import Keeper
 from stc.solver.nlp import NLP, Floats, Ints
 from stc.solver.pairs import Pairs
 

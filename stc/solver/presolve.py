@@ -19,7 +19,7 @@ from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
 from stc.records import dataclass, field
 from stc.solver.convexity import Bending
 from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Places, Scaling, python_evaluator
-from stc.solver.keeping import Keeper, once
+from stc.solver.form_cache import Keeper, once
 from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options

@@ -6,32 +6,25 @@ import numpy as np
 
 from stc.solver.iterate import evaluate
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
-from stc.solver.places import (
-    CRAWLING_STEPS,
+from stc.solver.progress_kernels import ITS_PATIENCE, MOST_TINY_STEPS
+from stc.solver.state import (
     DUAL_BEFORE,
     DUAL_NOW,
     NEAREST_ERROR,
     OBJECTIVE_BEFORE,
     OBJECTIVE_NOW,
-    PATIENCE,
     SHORT_STEPS,
     SMALL_STEPS,
     THETA_BEFORE,
-    THETA_LAST,
     TINY_STEPS,
-    UNMET_STEPS,
     WAITING,
-    WAITING_AT,
 )
-from stc.solver.products import inner
-from stc.solver.progress_passes import ITS_PATIENCE, MOST_TINY_STEPS
 from stc.solver.workspace import Workspace
 
-__all__ = ["Drift", "Gain", "Nearest", "Stall"]
+__all__ = ["Drift", "Nearest", "Stall"]
 
 SLOW = 0.1
 MUCH = 1e-6
-MUCH_NEARER = 0.1
 
 
 class Nearest:
@@ -40,7 +33,7 @@ class Nearest:
     def __init__(self, work: Workspace) -> None:
         self._work = work
         s = work.s
-        s[NEAREST_ERROR], s[WAITING], s[WAITING_AT], s[PATIENCE] = np.inf, 0.0, np.inf, ITS_PATIENCE
+        s[NEAREST_ERROR], s[WAITING] = np.inf, 0.0
         for kept, now in zip(work.kept, (work.it.w, work.it.y, work.it.z)):
             kept[:] = now
 
@@ -51,13 +44,8 @@ class Nearest:
 
     @property
     def waited(self) -> bool:
-        """True when that error is acceptable and so many steps as ``s[PATIENCE]`` says have not improved it."""
-        return self._work.s[WAITING] >= self._work.s[PATIENCE]
-
-    def products(self) -> float:
-        """The sum of its gaps times multipliers."""
-        w, _, z = self._work.kept
-        return inner(self._work.form.gap(w), z)
+        """True when that error is acceptable and many steps have not improved it."""
+        return self._work.s[WAITING] >= ITS_PATIENCE
 
     def return_to(self) -> None:
         """Make the iterate that one again where its error is acceptable."""
@@ -79,8 +67,8 @@ class Stall:
 
     def __init__(self, work: Workspace) -> None:
         self._s = s = work.s
-        s[TINY_STEPS] = s[SMALL_STEPS] = s[SHORT_STEPS] = s[UNMET_STEPS] = s[CRAWLING_STEPS] = 0.0
-        s[THETA_BEFORE] = s[THETA_LAST] = np.inf
+        s[TINY_STEPS] = s[SMALL_STEPS] = s[SHORT_STEPS] = 0.0
+        s[THETA_BEFORE] = np.inf
 
     @property
     def stalled(self) -> bool:
@@ -106,29 +94,3 @@ class Drift:
         s = self._s
         slow = s[DUAL_NOW] > SLOW * s[DUAL_BEFORE]
         return slow and s[OBJECTIVE_BEFORE] - s[OBJECTIVE_NOW] > MUCH * max(1.0, abs(s[OBJECTIVE_NOW]))
-
-
-class Gain:
-    """Tells an attempt that comes no nearer for long from one that converges.
-
-    Attributes:
-        due: the iteration at which the least error is to be a tenth of what it was.
-    """
-
-    def __init__(self, steps: int, iterations: int) -> None:
-        """It is to be so again and again in so many ``steps``, or never need be where that is 0."""
-        self._steps = steps
-        self.expect(1.0, iterations)
-
-    def expect(self, error: float, iterations: int) -> None:
-        """From an error of that size, in the next steps."""
-        self._before = error
-        self.due = iterations + self._steps if self._steps else np.inf
-
-    def is_missing(self, error: float, iterations: int) -> bool:
-        """Whether the least error has not become so small in time."""
-        if iterations < self.due:
-            return False
-        before = self._before
-        self.expect(error, iterations)
-        return not error <= MUCH_NEARER * before

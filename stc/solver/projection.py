@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from stc.codegen.calls import Bound, CallTable, chain_until
-from stc.solver import conditions, projection_passes
+from stc.solver import conditions, projection_kernels
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, RestrictedDiagonals, factorize_restricted
 from stc.solver.kkt.contract import COARSE, FINE
 from stc.solver.nlp import Floats
-from stc.solver.restricted import AGAINST_DEPENDENT_ROWS, RestrictedDiagonals, factorize_restricted
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["Projection", "ProjectionPair"]
@@ -63,7 +63,7 @@ class Projection:
         self.evaluate_call: Bound = chain_until(
             [
                 (ev.values_call, False),
-                (projection_passes.undefined.bind(ev.values_status), True),
+                (projection_kernels.undefined.bind(ev.values_status), True),
                 (ev.derivatives_call, False),
                 (of_lagrangian, False),
                 (
@@ -75,7 +75,7 @@ class Projection:
                     False,
                 ),
                 (
-                    projection_passes.judge.bind(n + m, of_x, of_rows, ev.derivatives_status, self.errors),
+                    projection_kernels.judge.bind(n + m, of_x, of_rows, ev.derivatives_status, self.errors),
                     True,
                 ),
             ]
@@ -141,12 +141,12 @@ class ProjectionPair:
         self.regularity = 0
         self.largest = np.zeros(2)
         self._kkt = form.attached_kkt
-        self._table = table = CallTable(projection_passes.CALLS)
+        self._table = table = CallTable(projection_kernels.CALLS)
         bind = partial(conditions.advance.bind, form.n, form.m)
         points = one, other = self.point, self.next
         self._places = {id(one): 0, id(other): 1}
         self._advance: list[Bound] = []
-        places = projection_passes.EVALUATE, projection_passes.REMAINING, projection_passes.ADVANCE
+        places = projection_kernels.EVALUATE, projection_kernels.REMAINING, projection_kernels.ADVANCE
         for k, (here, there) in enumerate(((one, other), (other, one))):
             advance = bind(
                 here.active_x,
@@ -165,7 +165,7 @@ class ProjectionPair:
             for place, call in zip(places, (here.evaluate_call, here.remaining_call, advance), strict=True):
                 table.put(place + k, call)
         of_both = [array for p in points for array in (p.active_x, p.active_rows)], [p.errors for p in points]
-        self._improve = projection_passes.improve.bind(
+        self._improve = projection_kernels.improve.bind(
             table.cells, 0, form.n, form.m, 0.0, *of_both[0], *of_both[1], self.largest
         )
 
@@ -182,7 +182,7 @@ class ProjectionPair:
         if not self._solve(COARSE):
             return False
         table, here = self._table, self._places[id(self.point)]
-        table.put(projection_passes.SOLVE, self._kkt.solve_call)
+        table.put(projection_kernels.SOLVE, self._kkt.solve_call)
         self._improve.set("here", here)
         self._improve.set("tolerance", tolerance)
         last = self._improve()

@@ -43,7 +43,7 @@ class IterationRecord:
         step_length: accepted fraction of the last step; above 1 where it was lengthened.
         mu: barrier parameter (0 in a Newton step on the active set).
         regularization: what was added to the Hessian's diagonal.
-        phase: ``"barrier"``, ``"active-set"``, ``"restoration"``, or ``"narrowing"`` of limits wider than stated.
+        phase: ``"barrier"``, ``"active-set"``, or ``"restoration"``.
         x: the point itself, (n,), for the callback only: a history keeps none.  It is the solver's own array,
             to be copied by whoever keeps it.  None while the same motion is solved on fewer frames.
     """
@@ -81,6 +81,7 @@ class Result:
         factorizations: every factorisation of a KKT system.
         message: one or two sentences for the user.
         history: one record per iteration.
+        strategy: what was tried last, and found the answer if there is one.
     """
 
     status: Status
@@ -95,6 +96,7 @@ class Result:
     factorizations: int
     message: str
     history: list[IterationRecord] = field(default_factory=list, repr=False)
+    strategy: str = ""
 
     @property
     def success(self) -> bool:

@@ -8,10 +8,10 @@ from stc.codegen.calls import chain
 from stc.records import dataclass
 from stc.solver.conditions import STATED, stated_conditions
 from stc.solver.evaluator import Scaling, Stated, evaluator_of
-from stc.solver.keeping import once
+from stc.solver.form_cache import once
+from stc.solver.kernels import multiplier_scale
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
-from stc.solver.passes import multiplier_scale
 from stc.solver.products import term_sums
 from stc.solver.scaled_problem import relative_violation
 

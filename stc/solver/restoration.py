@@ -14,10 +14,10 @@ import numpy as np
 from stc.records import dataclass
 from stc.solver.convexity import is_convex
 from stc.solver.elastic import ElasticProblem
+from stc.solver.form_cache import once
 from stc.solver.formulation import Formulation
 from stc.solver.globalization import Filter, barrier_value
 from stc.solver.iterate import Iterate, evaluate
-from stc.solver.keeping import once
 from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import Floats
 from stc.solver.outcome import ACCEPTABLE, End, Outcome

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from stc.solver.kkt.contract import KKTSystem
     from stc.solver.projection import Projection, ProjectionPair
 
-__all__ = ["ScaledProblem", "is_small", "relative_violation"]
+__all__ = ["ScaledProblem", "relative_violation"]
 
 LARGEST_GRADIENT = 100.0
 SMALLEST_FACTOR = 1e-8
@@ -48,7 +48,7 @@ TINY = 1e-4
 ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
 
 
-def is_small(x: Floats) -> Mask:
+def _is_small(x: Floats) -> Mask:
     """Where a variable is smaller than usual, but not 0, (n,)."""
     magnitude = np.abs(x)
     return (magnitude > 0.0) & (magnitude < ORDINARY[0])
@@ -84,12 +84,11 @@ class ScaledProblem(Formulation):
         options: Options,
         new_kkt: Callable[..., KKTSystem],
         objective_factor: float = 1.0,
-        small_too: bool = False,
         even: bool = False,
     ) -> None:
         """Scale ``nlp`` at ``x0`` (n,), a point where it is defined; the objective by ``objective_factor`` as well.
 
-        Variables that are small there may become large: they are left alone unless ``small_too``, or all are tiny.
+        Variables that are small there may become large: they are left alone unless all are tiny.
         Where ``even``, each variable is measured such that it makes a difference to some row.
         """
         self.nlp = nlp
@@ -101,7 +100,7 @@ class ScaledProblem(Formulation):
         self._set_pattern(nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols)
         self._held_user = nlp.x_lower == nlp.x_upper
         if options.scaling:
-            self._choose_scales(x0, small_too, UNEVEN if even else WEAK)
+            self._choose_scales(x0, UNEVEN if even else WEAK)
         self.objective_factor = objective_factor
         self.objective_scale *= objective_factor
         self._combine_scales()
@@ -147,14 +146,14 @@ class ScaledProblem(Formulation):
             return False
         return all(bool(np.isfinite(part.sum())) for part in self.derivatives(x, np.ones(self.m)))
 
-    def _choose_scales(self, x0: Floats, small_too: bool, weak_below: float) -> None:
+    def _choose_scales(self, x0: Floats, weak_below: float) -> None:
         nlp = self.nlp
         span = nlp.x_upper - nlp.x_lower
         magnitude = np.minimum(np.abs(x0), np.where(span > 0.0, np.maximum(span, 1.0), np.inf))
         narrow = np.isfinite(span) & (span > 0) & (span < ORDINARY[0])
         wide = magnitude > ORDINARY[1]
-        if small_too or _are_tiny(nlp, x0):
-            wide |= is_small(x0)
+        if _are_tiny(nlp, x0):
+            wide |= _is_small(x0)
         self.x_scale = np.where(narrow, span, np.where(wide, magnitude, 1.0))
         self.x_scale = np.exp2(np.round(np.log2(self.x_scale)))
         entries = self._choose_function_scales(x0)
@@ -286,8 +285,7 @@ def _factors(gradients: Floats, nearby: Floats) -> Floats:
     """
     factors = np.ones_like(gradients)
     large = np.isfinite(gradients) & (gradients > LARGEST_GRADIENT)
-    most = np.clip(TOO_LARGE / gradients[large], LEAST_FACTOR, SMALLEST_FACTOR)
-    factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], most)
+    factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], SMALLEST_FACTOR)
     both = np.maximum(gradients, nearby)
     small = (both > 0.0) & (both < SMALLEST_GRADIENT)  # False for nan
     factors[small] = np.minimum(1.0 / both[small], LARGEST_FACTOR)

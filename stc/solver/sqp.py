@@ -8,26 +8,24 @@ from dataclasses import replace
 import numpy as np
 
 from stc.deadline import within
-from stc.solver.active_set import fitting_multipliers, smaller_multipliers
-from stc.solver.attempts import Attempts
+from stc.solver.active_set import fitting_multipliers
 from stc.solver.convexity import is_convex
+from stc.solver.form_cache import give_back, kept_form, key_of, once
 from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement, Point
-from stc.solver.keeping import give_back, kept_form, key_of, once
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.pairs import pairs_of
-from stc.solver.polish import MET, meet_equations
 from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
-from stc.solver.saddles import beyond_saddle, is_minimum
-from stc.solver.scaled_problem import ScaledProblem, is_small, relative_violation
+from stc.solver.scaled_problem import ScaledProblem, relative_violation
+from stc.solver.second_order import beyond_saddle, is_minimum
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
@@ -38,27 +36,25 @@ from stc.solver.status import (
     advice,
     sentence,
 )
+from stc.solver.strategies import Strategies
 from stc.solver.unboundedness import falling_to
 
 __all__ = ["minimize"]
 
 RESCALINGS = 3
+LEFT_OUT: frozenset[str] = frozenset()
+"""Names of strategies that are not to be tried, to measure what they are worth."""
 ESCAPES = 5
 """Stationary points that bend downwards, one after the other."""
 UNCHANGED = 1e-9
-LARGE_MULTIPLIER = 1e6
 DISPROOF = 0.1
-NO_LESS = 0.99
-"""Of the smallest sum of violations: iterations end within so much of it."""
-SEVERAL = 0.25
-"""The share of the variables that are small, where that may be for the units."""
-GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150, near=20)
+GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150)
 """Before another start is asked for, from a guess and from the same motion on fewer frames."""
 HELPED, MOST = 100, 300
 """The same where that was one from fewer frames: from more of them it may take less; where it was a guess."""
 
-Way = Callable[[ScaledProblem, Floats], Outcome | None]
-"""What a problem and the guess lead to in some way; None where it cannot be gone."""
+Strategy = Callable[[ScaledProblem, Floats, Floats], Outcome | None]
+"""What a problem, its guess (n,) and the point reached so far (n,) lead to; None where nothing would be different."""
 
 
 def minimize(
@@ -151,11 +147,9 @@ class _Solve:
         self.monitor = Monitor(options, callback)
         self.new_kkt: Callable[..., KKTSystem] = new_kkt or structured_kkt
         self.form: ScaledProblem | None = None
-        self._followed: Floats | None = None  # the last other start that was a solution, on fewer frames
         self._least: Outcome | None = None  # of a search for a feasible point from the guess
-        self._missed: Outcome | None = None  # the last violation that is the smallest of all
         self.judgement = Judgement(nlp, options)
-        self.attempts = Attempts(nlp, options, self.monitor, self.judgement)
+        self.attempts = Strategies(nlp, options, self.monitor, self.judgement)
         self.rescalings = Rescalings(self.attempts)
 
     def run(self) -> Result:
@@ -202,59 +196,35 @@ class _Solve:
             )
         else:
             outcome = self._settle(self._cold(form, x0))
-        if options.retries:
-            outcome = self.rescalings.in_own_units(outcome, self._settle) or outcome
-
-        def reached() -> Floats:
-            return self.judgement.stated(outcome).x
-
-        ways = self._ways(form, x0, reached)
-        for again in self._scales(reached) + ways if ways else []:
-            if outcome.is_answer or (again in ways and self._is_proof(outcome)):
+        for name, strategy in self._strategies(form):
+            if outcome.is_answer or (self._is_proof(outcome) and not name.startswith("rescaled")):
                 break
-            other = again(form, x0)
+            self.monitor.strategy = name
+            other = strategy(form, x0, self.judgement.stated(outcome).x)
             if other is not None:
                 outcome = self._better(outcome, self._settle(other))
-        for again in (attempts.from_feasible, self.rescalings.from_feasible) if ways else ():
-            best = None if outcome.is_answer else self._feasible()
-            if best is not None:
-                outcome = self._better(outcome, self._settle(again(form, best)))
         return self._conclude(outcome)
 
-    def _scales(self, reached: Callable[[], Floats]) -> list[Way]:
-        """The same way in other scales; ``reached`` as for others."""
-        scales = self.rescalings
-        return [
-            lambda form, x0: scales.lighter(form, x0, self._settle),
-            lambda form, x0: scales.resized(form, x0, reached()),
-            scales.sized,
-        ]
-
-    def _ways(self, form: ScaledProblem, x0: Floats, reached: Callable[[], Floats]) -> list[Way]:
-        """Other ways than from the guess ``x0`` (n,); ``reached`` tells how far (n,) those before have come."""
-        options, attempts, scales = self.options, self.attempts, self.rescalings
+    def _strategies(self, form: ScaledProblem) -> list[tuple[str, Strategy]]:
+        """What is tried where the barrier method from the guess finds no answer, in this order."""
+        attempts, scales = self.attempts, self.rescalings
         convex = once(is_convex, self.nlp)
-        ways: list[Way] = [attempts.held_barrier, attempts.nearby, attempts.elsewhere]
-        if form.gaps and not convex:
-            ways = [attempts.nearby, attempts.narrowed, attempts.less_narrowed, attempts.held_barrier]
-        if form.m and not convex:  # much is met at rest in the origin that is not near the guess
-            ways[:0] = [
-                lambda form, _: scales.from_least_violation(form, reached()),
-                lambda form, _: scales.from_least_violation(form, self._followed),
-                scales.from_least_violation,
-                lambda form, x0: scales.from_least_violation(form, np.zeros_like(x0)),
-            ]
-        if form.m or form.gaps:
-            ways.insert(0, attempts.feasible_first)
-        else:
-            ways.remove(attempts.held_barrier)  # it would do the same again
-        ways = ways[: options.retries]
-        if form.many_gaps and ways:
-            # Where rows are convex, the elastic form tells whether they can be met; else where they may be, mostly.
-            ways.insert(1 if convex else 2, attempts.otherwise)
-        if ways and options.scaling and is_small(x0).mean() > SEVERAL:
-            ways.insert(0, scales.enlarged)
-        return ways
+        constrained = form.m > 0 or form.gaps > 0
+        table: list[tuple[str, bool, Strategy]] = [
+            ("rescaled", True, scales.resized),
+            ("rescaled by the point of least norm", form.linear, scales.by_least_norm),
+            ("feasibility first", constrained, attempts.feasible_first),
+            ("least violation", form.m > 0 and not convex, scales.from_least_violation),
+            ("perturbed start", True, attempts.perturbed),
+            ("best feasible point", constrained, self._from_feasible),
+        ]
+        suitable = [(name, strategy) for name, suits, strategy in table if suits and name not in LEFT_OUT]
+        return suitable[: self.options.retries]
+
+    def _from_feasible(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
+        """From the best feasible point that was seen, if there is one."""
+        best = self._feasible()
+        return None if best is None else self.attempts.from_feasible(form, best)
 
     def _unmoved(self, form: ScaledProblem, x0: Floats) -> Result:
         """The start, where no step is allowed from it; whether it is a solution is still to be told."""
@@ -280,10 +250,7 @@ class _Solve:
             outcome = self.rescalings.even_equations(form, x0)
         if outcome is not None:
             return outcome
-        convex = once(is_convex, self.nlp)
-        return self._helped(
-            form, GUESSED, lambda tactics: self.attempts.from_guess(form, x0, tactics, convex=convex)
-        )
+        return self._helped(form, GUESSED, lambda tactics: self.attempts.barrier(form, x0, tactics))
 
     def _helped(self, form: ScaledProblem, first: Tactics, attempt: Callable[[Tactics], Outcome]) -> Outcome:
         """What an attempt leads to, or another start, if there is one, where that is no solution with ``first``."""
@@ -300,11 +267,10 @@ class _Solve:
             if start is None:
                 break
             followed = start.row_multipliers is not None
-            self._followed = start.x if followed else self._followed
             other = self._from(form, start, Tactics(budget=HELPED if followed else MOST, patient=False))
             if other.end is End.CONVERGED:
                 return other
-        if outcome.early and not first.near:  # it was on its way, not lost
+        if outcome.early and first is GUESSED:  # it was on its way, not lost
             it = outcome.iterate
             assert it is not None
             mu = inner(it.gap, it.z) / max(1, form.gaps)
@@ -368,18 +334,9 @@ class _Solve:
         refused = False  # a solution but for what it may gain
         for _ in range(RESCALINGS):
             if outcome.end not in (End.CONVERGED, End.STUCK):
-                self._missed = outcome if self._is_proof(outcome) else self._missed
                 return outcome
             form = outcome.form
             assert isinstance(form, ScaledProblem)
-            # In the objective's own terms: it may have been multiplied, as sums over many short intervals are.
-            if np.abs(outcome.y).max(initial=0.0) > LARGE_MULTIPLIER * max(1.0, form.objective_scale):
-                outcome.y = smaller_multipliers(form, outcome.x, outcome.y)
-            if MET < outcome.error <= ACCEPTABLE:
-                x = meet_equations(form, outcome.x)
-                if x is not outcome.x:
-                    outcome.x = x
-                    self.judgement.forget()
             point, confirmed = self.judgement.stated(outcome), False
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = self.judgement.assess(point)
@@ -421,14 +378,13 @@ class _Solve:
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         if outcome.end is End.UNBOUNDED:
             return self._result(Status.UNBOUNDED, point.x, point.y)
-        missed = self._least_missed(outcome)
-        if missed is not None:
-            assert isinstance(missed.form, ScaledProblem)
-            point, y = self.judgement.stated(missed), missed.y * missed.form.row_scale
-            if not self._falls(point, y, missed.form.row_scale):
-                return self._result(
-                    Status.INFEASIBLE, between(point.x, self.nlp.x_lower, self.nlp.x_upper), y
-                )
+        violated = self._is_proof(outcome) or (
+            outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None
+        )
+        if violated and not self.judgement.is_met(point.x, self.judgement.assess(point).violation):
+            assert isinstance(outcome.form, ScaledProblem)
+            x = between(point.x, self.nlp.x_lower, self.nlp.x_upper)
+            return self._result(Status.INFEASIBLE, x, outcome.y * outcome.form.row_scale)
         # Solves on fewer frames may have used up what was left.
         used_up = self.monitor.iterations >= self.monitor.limit
         return self._best(Status.ITERATION_LIMIT if used_up else Status.FAILED)
@@ -438,43 +394,6 @@ class _Solve:
         best = self.monitor.best
         return best[2] if best is not None and self.judgement.is_met(best[2], best[0]) else None
 
-    def _least_missed(self, outcome: Outcome) -> Outcome | None:
-        """The stationary violation that tells that the rows cannot be met, or None."""
-        if outcome.end is End.STATIONARY_VIOLATION and self._feasible() is None:
-            return outcome
-        for missed in (outcome, self._missed):
-            if missed is not None and self._is_proof(missed) and self._is_as_large(missed):
-                return missed
-        return None
-
-    def _is_as_large(self, missed: Outcome) -> bool:
-        """Whether the violation of the best point is as large as the smallest that there is, all rows together: spread
-        over many it may be below the tolerance in each."""
-        from stc.solver.violation_descent import weighted_violations
-
-        form, best = missed.form, self.monitor.best
-        assert isinstance(form, ScaledProblem)
-        point = self.judgement.stated(missed)
-        if best is None or self.judgement.is_met(point.x, self.judgement.assess(point).violation):
-            return False
-        _, least = weighted_violations(self.nlp, point.x, form.row_scale)
-        return weighted_violations(self.nlp, best[2], form.row_scale)[1] >= NO_LESS * least
-
-    def _falls(self, point: Point, y: Floats, weights: Floats) -> bool:
-        """Whether a violation that seems to be stationary, with multipliers ``y`` (m,), falls; the point where it is
-        smaller may be the best then."""
-        from stc.solver.violation_descent import nearer_point
-
-        nearer = nearer_point(self.nlp, point.x, y, weights)
-        if nearer is None:
-            return False
-        nothing = np.zeros(self.nlp.m)
-        judged = assess(self.nlp, nearer, nothing)
-        best = self.monitor.best
-        if best is None or judged.violation < best[0]:
-            self.monitor.best = judged.violation, judged.objective, nearer, nothing
-        return True
-
     def _best(self, status: Status) -> Result:
         best = self.monitor.best
         if best is None:
@@ -483,9 +402,10 @@ class _Solve:
         if y.size != self.nlp.m:
             y = np.zeros(self.nlp.m)
         point = Point(x, y)
-        # Where many points are as good, one may have been passed on the way to nowhere.
         message = ""
-        if status is Status.FAILED and self._is_stationary(point):
+        if status is Status.FAILED and self._is_stationary(
+            point
+        ):  # one that was passed on the way to nowhere
             minimum = self._is_minimum(point)
             status, message = (Status.OPTIMAL, "") if minimum else (status, NO_MINIMUM)
         return self._result(status, x, y, message, at=point)
@@ -529,4 +449,5 @@ class _Solve:
             self.form.kkt.factorizations if self.form is not None else 0,
             text,
             self.monitor.history,
+            self.monitor.strategy,
         )

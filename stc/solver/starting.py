@@ -22,8 +22,8 @@ ACTIVE_PUSH, ACTIVE_BARRIER = 1e-9, 1e-12
 
 
 def cold_iterate(form: ScaledProblem, x: Floats, *, by_gaps: bool = True) -> Iterate:
-    """A strictly interior point near ``x`` (n,), scaled, with least-squares row multipliers; it is the iterate of the
-    form's workspace.
+    """A strictly interior point near ``x`` (n,), scaled, with the row multipliers that leave the least gradient of the
+    Lagrangian; it is the iterate of the form's workspace.
 
     Many gaps have multipliers that are smaller the wider they are: one over the square root, half way between equal
     products, as solutions of barrier problems have them, and the equal multipliers that few gaps have.
@@ -33,8 +33,7 @@ def cold_iterate(form: ScaledProblem, x: Floats, *, by_gaps: bool = True) -> Ite
     it = work.evaluate(w, np.zeros(form.m), np.ones(form.gaps))
     if by_gaps and form.many_gaps:
         np.divide(1.0, np.sqrt(it.gap), out=it.z)
-    y = least_squares_multipliers(work)
-    return work.evaluate(w, y, it.z)
+    return work.evaluate(w, least_squares_multipliers(work), it.z)
 
 
 def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:

@@ -38,13 +38,8 @@ def from_neighbour(
     z: Floats,
     tolerance: float,
     monitor: Monitor,
-    *,
-    thorough: bool,
 ) -> tuple[PrimalDual | None, bool]:
     """Solve from a primal-dual point, scaled: variables (n,), multipliers of rows (m,) and bounds (n,).
-
-    Args:
-        thorough: how each quadratic program is solved, see ``QuadraticProgram.solve``.
 
     Returns:
         The solution, or None when the iteration did not converge; and whether the last factorisation showed positive
@@ -58,7 +53,7 @@ def from_neighbour(
     regularity = 0
     for _ in range(STEPS):
         program = QuadraticProgram(form, point, EXACT * tolerance, regularity, monitor.check_time)
-        found = program.solve(active, thorough=thorough)
+        found = program.solve(active)
         regularity = min(program.regularity, DEPENDENT)
         if found is None:
             return None, False
@@ -73,7 +68,7 @@ def from_neighbour(
             partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step, 1.0, 0.0, 0.0, "warm"
         )
         if new.error <= tolerance:
-            return new, found.factorised and program.regularity <= DEPENDENT
+            return new, program.regularity <= DEPENDENT
         if new.error > REDUCTION * smallest:
             patience -= 1
             if patience < 0 or new.error > FARTHEST * smallest:
@@ -91,9 +86,9 @@ def _moved(
     tolerance: float,
 ) -> PrimalDual | None:
     """The whole step, and the second one with the same factorisation where that comes closer."""
-    balancing = found.active.x != 0 if found.factorised else None
+    balancing = found.active.x != 0
     new = measure(form, point.x + found.d, found.y, found.z, balancing)
-    if new is None or not found.factorised or new.error <= tolerance:
+    if new is None or new.error <= tolerance:
         return new
     dx, dy = program.correct(new, found.active)
     closer = measure(form, new.x + dx, new.y + dy, found.z, balancing)

@@ -1,7 +1,7 @@
 """The vectors of one iteration at fixed places, and the passes over them as prepared calls.
 
 An iteration on a short horizon takes less time than a hundred NumPy calls. So all its vectors are allocated once,
-its arithmetic is done by a handful of compiled passes (:mod:`stc.solver.passes`, :mod:`stc.solver.step_passes`), and
+its arithmetic is done by a handful of compiled passes (:mod:`stc.solver.kernels`, :mod:`stc.solver.step_kernels`), and
 what follows one another without a decision in between is one call.
 """
 
@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.codegen.calls import Bound, CallTable, chain
-from stc.solver import passes, places, step_passes
+from stc.solver import kernels, state, step_kernels
 from stc.solver.filter import Filter
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate
 from stc.solver.nlp import Floats
-from stc.solver.places import (
+from stc.solver.state import (
     DUAL_ERROR,
     GAP_ERROR,
     LOGARITHMS,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from stc.solver.evaluator import Evaluator
-    from stc.solver.stages import Stages
+    from stc.solver.iteration_calls import Stages
 
 __all__ = ["Step", "Workspace", "workspace_of"]
 
@@ -52,10 +52,9 @@ SHORT = 0.2
 LONGEST_RUN = 16
 #: Places of the calls that hold a solve, and what they are called here.
 SOLVING = {
-    places.PREDICT: "predictor",
-    places.NEWTON: "newton",
-    places.CENTRING_STEP: "centring",
-    places.CORRECTION: "correction",
+    state.PREDICT: "predictor",
+    state.NEWTON: "newton",
+    state.CORRECTION: "correction",
 }
 
 
@@ -92,15 +91,15 @@ class Workspace:
 
     Attributes:
         it: the iterate; its arrays stay the same objects.
-        numbers: what the passes leave (see :mod:`stc.solver.places`).
+        numbers: what the passes leave (see :mod:`stc.solver.state`).
         s: the same; reading one gives a float.
         calls: the prepared calls that compiled functions make.
         filter: of the search along a step.
         accepted: of iterates while the barrier parameter is chosen anew at each.
-        stages: see :func:`stc.solver.stages.stages_of`.
+        stages: see :func:`stc.solver.iteration_calls.stages_of`.
         kept: w, y and z of the iterate with the smallest error.
         best: variables and row multipliers of the best iterate in the user's terms.
-        rows: records of the last iterates, see :mod:`stc.solver.places`.
+        rows: records of the last iterates, see :mod:`stc.solver.state`.
         step: the step in use.
         mu, tau, alpha, shifted: arguments of passes, (1,) each.
         centre: target of the gaps' multipliers, (gaps,).
@@ -123,13 +122,13 @@ class Workspace:
             zeros(size), zeros(m), zeros(gaps), 0.0, zeros(m), zeros(gaps), zeros(m), 0.0,
             ev.gradient, ev.jac, ev.hess, zeros(size),
         )  # fmt: skip
-        self.numbers = zeros(places.NUMBERS)
+        self.numbers = zeros(state.NUMBERS)
         self.s: memoryview[float] = memoryview(self.numbers.data)
-        self.calls = CallTable(places.CALLS)
+        self.calls = CallTable(state.CALLS)
         self.filter, self.accepted = Filter(np.inf), Filter(np.inf)
         self.kept = zeros(size), zeros(m), zeros(gaps)
         self.best = zeros(n), zeros(m)
-        self.rows = zeros(LONGEST_RUN * places.ROW)
+        self.rows = zeros(LONGEST_RUN * state.ROW)
         self.inertia = self.kkt.inertia
         self.mu, self.tau, self.alpha, self.shifted = (zeros(1) for _ in range(4))
         self.centre, self._no_centre, self.residual = zeros(gaps), zeros(gaps), zeros(size)
@@ -168,11 +167,16 @@ class Workspace:
         extra = np.zeros(n) if form.extra_diagonal is None else form.extra_diagonal
         step = self.step
         affine, centring = self.affine, self.centring
-        self.push_inside_call = passes.push_inside.bind(size, 0.0, form.lower, form.upper, self.start_w)
-        self._log_sum_call = passes.log_sum.bind(gaps, it.gap)
-        self._mean_centre_call = step_passes.mean_centre.bind(gaps, it.gap, self.centre, s)
-        scratch = np.zeros(gaps), np.zeros(gaps), np.zeros(4 * step_passes.BLOCK), np.zeros(4 * CENTRING.size)
-        self._choose_call = step_passes.choose_centring.bind(
+        self.push_inside_call = kernels.push_inside.bind(size, 0.0, form.lower, form.upper, self.start_w)
+        self._log_sum_call = kernels.log_sum.bind(gaps, it.gap)
+        self._mean_centre_call = step_kernels.mean_centre.bind(gaps, it.gap, self.centre, s)
+        scratch = (
+            np.zeros(gaps),
+            np.zeros(gaps),
+            np.zeros(4 * step_kernels.BLOCK),
+            np.zeros(4 * CENTRING.size),
+        )
+        self._choose_call = step_kernels.choose_centring.bind(
             gaps,
             CENTRING.size,
             max(1, int(form.moving.sum())),
@@ -191,7 +195,7 @@ class Workspace:
             *scratch,
             s,
         )
-        measure: Bound = passes.measure.bind(
+        measure: Bound = kernels.measure.bind(
             size, m, gaps, form.objective_unit, index, sign, self.target, it.w, it.y, it.z, it.gap, it.c, it.dual,
             self.residual, s,
         )  # fmt: skip
@@ -199,42 +203,42 @@ class Workspace:
         self.measure_call = chain([measure, watch])
         self.diagonals_call = chain(
             [
-                step_passes.diagonals.bind(
+                step_kernels.diagonals.bind(
                     n, m, gaps, index, free, kind, extra, SMALLEST_SIGMA, it.z, it.gap, self.ratio, self.sigma,
                     self.primal, self.d,
                 ),
-                passes.copy.bind(curved, ev.hess, kkt.hess),
-                passes.copy.bind(entries, ev.jac, kkt.jac),
+                kernels.copy.bind(curved, ev.hess, kkt.hess),
+                kernels.copy.bind(entries, ev.jac, kkt.jac),
             ]
         )  # fmt: skip
-        self.shifted_call = step_passes.shifted.bind(
-            n, m, free, kind, self.primal, self.d, form.convex[0].size, *form.convex, it.hess, self.shifts, kkt.primal,
-            kkt.dual, it.w, s,
+        self.shifted_call = step_kernels.shifted.bind(
+            n, m, free, kind, it.w, self.primal, self.d, form.convex[0].size, *form.convex, it.hess, self.shifts,
+            kkt.primal, kkt.dual, s,
         )  # fmt: skip
-        self.centre_call = step_passes.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
-        self.lengths_call = step_passes.lengths.bind(
+        self.centre_call = step_kernels.mu_centre.bind(gaps, self.mu, it.gap, self.centre)
+        self.lengths_call = step_kernels.lengths.bind(
             n, m, gaps, index, sign, self.tau, it.w, it.z, it.gap, it.gradient, step.dw, step.dy, step.dz, s
         )
         self.combine_call = chain(
             [
-                step_passes.combine.bind(size, self.factor, affine.dw, centring.dw, step.dw),
-                step_passes.combine.bind(m, self.factor, affine.dy, centring.dy, step.dy),
-                step_passes.combine.bind(gaps, self.factor, affine.dz, centring.dz, step.dz),
+                step_kernels.combine.bind(size, self.factor, affine.dw, centring.dw, step.dw),
+                step_kernels.combine.bind(m, self.factor, affine.dy, centring.dy, step.dy),
+                step_kernels.combine.bind(gaps, self.factor, affine.dz, centring.dz, step.dz),
                 self.lengths_call,
             ]
         )
-        self.inspect_call = passes.inspect.bind(
+        self.inspect_call = kernels.inspect.bind(
             n, m, gaps, index, sign, form.bound, kind, self.trial_w, ev.r, self.trial_gap, self.trial_c, s
         )
         self._evaluate_call = chain(
             [
-                passes.place.bind(n, size, self._nowhere, it.w, it.w.copy(), self.trial_w, ev.x),
-                passes.copy.bind(m, it.y, ev.y),
+                kernels.place.bind(n, size, self._nowhere, it.w, it.w.copy(), self.trial_w, ev.x),
+                kernels.copy.bind(m, it.y, ev.y),
                 ev.values_call,
-                passes.copy.bind(m, ev.r, it.r),
-                passes.inspect.bind(n, m, gaps, index, sign, form.bound, kind, it.w, ev.r, it.gap, it.c, s),
+                kernels.copy.bind(m, ev.r, it.r),
+                kernels.inspect.bind(n, m, gaps, index, sign, form.bound, kind, it.w, ev.r, it.gap, it.c, s),
                 ev.derivatives_call,
-                passes.adopt.bind(
+                kernels.adopt.bind(
                     n,
                     m,
                     moving,
@@ -251,20 +255,20 @@ class Workspace:
         )
         self.trial_call = chain(
             [
-                passes.place.bind(n, size, self.alpha, it.w, step.dw, self.trial_w, ev.x),
+                kernels.place.bind(n, size, self.alpha, it.w, step.dw, self.trial_w, ev.x),
                 ev.values_call,
                 self.inspect_call,
             ]
         )
         self.move_call = chain(
             [
-                passes.blend.bind(
+                kernels.blend.bind(
                     n, m, gaps, index, sign, self.shifts, moving, *columns, it.jac, self.alpha, self.shifted,
                     self.mu, self.residual, step.dw, step.dy, step.dz, it.y, it.z, self.trial_gap, self._pull,
                     self._turn, self._trial_y, self._trial_z, ev.y, s,
                 ),
                 ev.derivatives_call,
-                passes.move.bind(
+                kernels.move.bind(
                     n, m, gaps, moving, *columns, it.gradient, it.jac, ev.derivatives_status, self.trial_w,
                     self._trial_y, self._trial_z, ev.f, ev.r, self.trial_gap, self.trial_c, self._trial_dual, it.w,
                     it.y, it.z, it.r, it.gap, it.c, it.dual, s,
@@ -272,12 +276,12 @@ class Workspace:
             ]
         )  # fmt: skip
 
-        self.least_squares_call: Bound = step_passes.least_squares.bind(
+        self.least_squares_call: Bound = step_kernels.least_squares.bind(
             n, m, gaps, entries, curved, index, sign, free, kind, it.z, it.gradient, it.jac, self._pull, kkt.hess,
             kkt.jac, kkt.primal, kkt.dual, kkt.rhs,
         )  # fmt: skip
         self.return_call = chain(
-            [passes.copy.bind(n, it.w, ev.x), passes.copy.bind(m, it.y, ev.y), ev.derivatives_call]
+            [kernels.copy.bind(n, it.w, ev.x), kernels.copy.bind(m, it.y, ev.y), ev.derivatives_call]
         )
 
     @property
@@ -300,20 +304,20 @@ class Workspace:
         kept = np.zeros(curved)
         return chain(
             [
-                passes.copy.bind(curved, ev.hess, kept),
-                passes.copy.bind(form.n, it.w, ev.x),
-                passes.copy.bind(form.m, np.zeros(form.m), ev.y),
+                kernels.copy.bind(curved, ev.hess, kept),
+                kernels.copy.bind(form.n, it.w, ev.x),
+                kernels.copy.bind(form.m, np.zeros(form.m), ev.y),
                 ev.derivatives_call,
-                passes.copy.bind(curved, ev.hess, self.bend),
-                passes.copy.bind(curved, kept, ev.hess),
-                passes.copy.bind(form.m, it.y, ev.y),
+                kernels.copy.bind(curved, ev.hess, self.bend),
+                kernels.copy.bind(curved, kept, ev.hess),
+                kernels.copy.bind(form.m, it.y, ev.y),
             ]
         )
 
     @cached_property
     def damped_call(self) -> Bound:
         """Takes only a share of the rows' part of the Hessian into the matrix; after ``diagonals_call``."""
-        return step_passes.damped.bind(self.bend.size, self.bend, self.it.hess, self.kkt.hess)
+        return step_kernels.damped.bind(self.bend.size, self.bend, self.it.hess, self.kkt.hess)
 
     @cached_property
     def spare(self) -> Step:
@@ -378,7 +382,7 @@ class Workspace:
         form = self.form
         return self._once(
             name + " begins",
-            lambda: step_passes.right_hand_side.bind(
+            lambda: step_kernels.right_hand_side.bind(
                 form.n, form.m, form.gaps, residuals, form.index, form.sign, form.kind, centre, self.it.dual, c, self.d,
                 self._pull, rhs,
             ),
@@ -391,7 +395,7 @@ class Workspace:
         slacked = form.jac_of_inequalities
         return self._once(
             name + " ends",
-            lambda: step_passes.recover.bind(
+            lambda: step_kernels.recover.bind(
                 form.n, form.m, form.gaps, residuals, slacked.size, slacked, form.index, form.sign, form.free_factor,
                 form.kind, form.jac_rows, form.jac_cols, it.jac, c, it.z, self.ratio, centre, solution, step.dw,
                 step.dy, step.dz,
@@ -444,13 +448,13 @@ class Workspace:
     def provide_attempt(self) -> None:
         """Renew the calls that hold for matrices like the last one that was factorised, if any was."""
         attempt = self.kkt.attempt_call
-        self.calls.put(places.ATTEMPT, attempt)
+        self.calls.put(state.ATTEMPT, attempt)
         if attempt is not None:
             self.provide_prediction()
 
     def provide_prediction(self) -> None:
         """Renew the call that solves for the affine and the centring step with the last factorisation."""
-        self.calls.put(places.PREDICT, self._predictor())
+        self.calls.put(state.PREDICT, self._predictor())
 
     def provide_solves(self) -> None:
         """Make all the calls that solve."""
@@ -463,8 +467,8 @@ class Workspace:
 
     def provide_bend(self) -> None:
         """Make those that know the objective's part of the Hessian."""
-        self.calls.put(places.BEND, self.bend_call)
-        self.calls.put(places.DAMPED, self.damped_call)
+        self.calls.put(state.BEND, self.bend_call)
+        self.calls.put(state.DAMPED, self.damped_call)
 
     # -- the trial point -------------------------------------------------------------------------------------------
 

@@ -8,9 +8,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from stc.errors import EndedError, UsageError
+from stc.optimizers import caution, has_long_steps, optimizer_of
 from stc.pipeline import solve
 from stc.records import dataclass
-from stc.solver.optimizers import caution, has_long_steps, optimizer_of
 from stc.solver.options import given_options
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def compare(
 
     Args:
         model: the spec.
-        optimizers: names as :func:`stc.solver.optimizers.optimizer_of` takes them.
+        optimizers: names as :func:`stc.optimizers.optimizer_of` takes them.
         method: of transcription instead of the spec's own.
         tolerance, max_iterations, time_limit, callback: as for :meth:`stc.pipeline.Model.solve`.
         announce: told before each solve the optimizer's name, which one it is, from 1, and of how many.

@@ -37,7 +37,7 @@ MOST_FROM_GROSS = 2
 MOST_TRIES = 3
 """So many solves in a row may lead elsewhere, or nowhere, each on fewer frames than the one before; the last one is on
 hardly more frames than the solution that it starts from, and may take long."""
-AT_LAST = 1000
+AT_LAST = 2000
 """Iterations of that one: along a flat valley of the objective its optimum may be far all the same."""
 WITHIN = 3.0
 """So many times their estimated errors two objectives of one optimum may lie apart."""

@@ -19,7 +19,7 @@ from stc.errors import EvaluationError
 from stc.problem import ConstantRef, ParameterRef, Problem, Relation, VariableRef
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Scaling
-from stc.solver.keeping import Keeper
+from stc.solver.form_cache import Keeper
 from stc.solver.pairs import Pairs
 from stc.symbolic.expr import ZERO, Expr, evaluate, symbols
 from stc.symbolic.tables import TableRef

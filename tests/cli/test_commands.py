@@ -154,6 +154,7 @@ def test_json_has_every_promised_key(stc_: Stc) -> None:
         "optimality": "float",
         "iterations": "int",
         "factorizations": "int",
+        "strategy": "str",
         "optimizer": "str",
         "grid": "dict",
         "ringing": "list",

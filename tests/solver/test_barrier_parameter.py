@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stc.codegen.calls import Bound, CallTable
-from stc.solver import barrier_passes, places
+from stc.solver import barrier_update, state
 from stc.solver.filter import Filter
 
 GAPS = 10
@@ -16,22 +16,22 @@ class Barrier:
     """The parameter's numbers by themselves; every iterate counts as progress."""
 
     def __init__(self, mu: float) -> None:
-        self.s = s = np.zeros(places.NUMBERS)
-        s[[places.ADAPTIVE, places.FREE]] = 1.0
-        s[places.MU] = mu
-        s[[places.LARGEST_MU, places.ERROR_BEFORE, places.MU_BEFORE]] = np.inf
-        s[places.SMALLEST_MU] = 1e-11
+        self.s = s = np.zeros(state.NUMBERS)
+        s[[state.ADAPTIVE, state.FREE]] = 1.0
+        s[state.MU] = mu
+        s[[state.LARGEST_MU, state.ERROR_BEFORE, state.MU_BEFORE]] = np.inf
+        s[state.SMALLEST_MU] = 1e-11
         self.accepted = Filter(np.inf)
-        self.calls = CallTable(places.MEASURE + 1)
-        self.calls.put(places.MEASURE, Bound.of_python(lambda: 0, ()))  # errors are as they are said to be
+        self.calls = CallTable(state.MEASURE + 1)
+        self.calls.put(state.MEASURE, Bound.of_python(lambda: 0, ()))  # errors are as they are said to be
 
     def iterate(self, mu: float, error: float) -> bool:
         """Measure an iterate with that error, after a step with that parameter; whether the choice is still free."""
         s = self.s
-        s[places.MU], s[places.ERROR], s[places.PRODUCTS] = mu, error, GAPS * mu
-        s[places.OBJECTIVE] -= 1.0
-        barrier_passes.update(self.calls.cells, GAPS, np.zeros(1), self.accepted.array, s)
-        return bool(s[places.FREE])
+        s[state.MU], s[state.ERROR], s[state.PRODUCTS] = mu, error, GAPS * mu
+        s[state.OBJECTIVE] -= 1.0
+        barrier_update.update(self.calls.cells, GAPS, np.zeros(1), self.accepted.array, s)
+        return bool(s[state.FREE])
 
 
 def test_small_reductions_that_cost_much_end_the_free_choice() -> None:
@@ -40,8 +40,8 @@ def test_small_reductions_that_cost_much_end_the_free_choice() -> None:
     assert barrier.iterate(6e-5, 2e-2)  # the first one
     assert barrier.iterate(6e-5, 1e-3)
     assert not barrier.iterate(4e-5, 5e-2)  # the second one
-    assert barrier.s[places.MU] == pytest.approx(barrier_passes.HELD_FRACTION * 4e-5)
-    assert not barrier.iterate(barrier.s[places.MU], 1e-3)  # and that is for good
+    assert barrier.s[state.MU] == pytest.approx(barrier_update.HELD_FRACTION * 4e-5)
+    assert not barrier.iterate(barrier.s[state.MU], 1e-3)  # and that is for good
 
 
 @pytest.mark.parametrize(

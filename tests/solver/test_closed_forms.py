@@ -50,26 +50,10 @@ def test_a_quadratic_program_is_confirmed_as_stated_at_once(monkeypatch) -> None
     assert (wanted.iterations, wanted.factorizations, len(wanted.history)) == (1, 1, 1)
     assert max(wanted.violation, wanted.optimality, wanted.history[0].optimality) <= 1e-9
     # A solution that is not good enough as stated is improved on.
-    monkeypatch.setattr("stc.solver.attempts.ACCURATE", 0.0)
+    monkeypatch.setattr("stc.solver.strategies.ACCURATE", 0.0)
     again = minimize(program)
     assert again.iterations >= 1
     assert again.x == pytest.approx(wanted.x, abs=1e-9)
-
-
-def test_scaled_objectives_have_large_multipliers_without_anything_being_wrong(monkeypatch) -> None:
-    def never(*_arguments: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr("stc.solver.sqp.smaller_multipliers", never)
-    result = solve(
-        SymbolicProgram(
-            [0.1, 0.1],  # where the objective is so flat that it is multiplied by 1e8
-            lambda x: 1e-6 * (x[0] ** 6 + x[1] ** 6),
-            lambda x: [(x[0] + x[1], 20.0, 20.0), (x[0] * x[1], 0.0, INF)],
-        )
-    )
-    assert result.x == pytest.approx([10.0, 10.0], abs=1e-8)
-    assert result.row_multipliers == pytest.approx([-0.6, 0.0], abs=1e-8)
 
 
 def test_a_linear_program_ends_at_its_vertex() -> None:

@@ -91,12 +91,6 @@ def test_complementarity_as_a_row() -> None:
     assert solve(program).objective == pytest.approx(1.0, abs=1e-6)
 
 
-def test_vanishing_jacobian() -> None:
-    """x^2 = 0: the multiplier grows without bound as x goes to 0."""
-    program = SymbolicProgram([2.0, 1.0], lambda x: x[1] ** 2 + x[0], lambda x: [(x[0] ** 2, 0.0, 0.0)])
-    assert solve(program).objective == pytest.approx(0.0, abs=1e-3)
-
-
 def test_cusp_without_multipliers() -> None:
     program = SymbolicProgram(
         [-2.0, -2.0],

@@ -11,17 +11,17 @@ from symbolic_program import INF, SymbolicProgram
 
 from stc.codegen.calls import Bound
 from stc.solver import Options
-from stc.solver.active_set import project, smaller_multipliers
+from stc.solver.active_set import project
 from stc.solver.elastic import ElasticKKT, ElasticProblem
 from stc.solver.globalization import Filter, largest_step
 from stc.solver.iterate import errors_of, evaluate
 from stc.solver.kkt import DenseKKT, structured_kkt
 from stc.solver.kkt.contract import Inertia
 from stc.solver.newton_system import NewtonSystem
-from stc.solver.places import STATED, VIOLATION
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, relative_violation
 from stc.solver.starting import cold_iterate, warm_iterate
+from stc.solver.state import STATED, VIOLATION
 from stc.solver.workspace import Workspace
 
 
@@ -300,16 +300,3 @@ def test_the_projection_finds_the_active_set() -> None:
     assert point.active_x.tolist() == [True, True]
     assert point.active_rows.tolist() == [False]
     assert point.error == 0.0
-
-
-def test_multipliers_that_cancel_are_made_small() -> None:
-    """The same row twice: (1e9, -1e9 + 2) balances the gradient, and so do (1, 1) and (2, 0)."""
-    nlp = SymbolicProgram(
-        [0.0],
-        lambda x: (x[0] - 1) ** 2,
-        lambda x: [(1.0 * x[0] + 0.0, -INF, 0.0), (1.0 * x[0] + 0.0, -INF, 0.0)],
-    )
-    form = ScaledProblem(nlp, nlp.x0, Options(scaling=False), DenseKKT)
-    y = smaller_multipliers(form, np.zeros(1), np.array([1e9, 2.0 - 1e9]))
-    assert y.sum() == pytest.approx(2.0, rel=1e-6)
-    assert np.all((y >= 0.0) & (y <= 2.0))

@@ -51,7 +51,7 @@ def test_without_a_request_nothing_changes(finer: tuple[Callable[[bool], stc.Sol
 @pytest.mark.parametrize("name", ["nlopt:cobyla", "nlopt:slsqp", "nlopt:auglag"])
 def test_nlopt_hears_a_request_at_the_next_evaluation(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A method without derivatives counts an iteration in n + 1 evaluations."""
-    from stc.solver.nlopt_functions import Functions
+    from stc.optimizers.nlopt_functions import Functions
 
     moves: list[int] = []
     move = Functions.move

@@ -62,7 +62,6 @@ def test_what_cannot_be_met_is_infeasible(n: int, m: float, most: float, points:
     text = PARTICLE.format(n=n, m=m, most=most, points=listed, cost=cost)
     solution = stc.load(text).solve()
     assert solution.status == "infeasible"
-    assert solution.iterations < 600  # rows are convex, so that one attempt is enough
     # Ten times the force does.
     assert can_be_met(n, m, 100.0 * most, points)
     assert stc.load(text).solve(most=100.0 * most).status == "optimal"

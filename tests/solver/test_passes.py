@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scaled_program import dense, inside, scaled
 
-from stc.solver import passes, places, step_passes
+from stc.solver import kernels, state, step_kernels
 from stc.solver.globalization import largest_step
 from stc.solver.iterate import errors_of, evaluate
 from stc.solver.newton_system import NewtonSystem
@@ -35,9 +35,9 @@ def test_errors_are_those_of_the_definition(seed: int, mu: float) -> None:
     found, wanted = work.errors(mu), errors_of(form, work.it, mu)
     for name in ("dual", "primal", "complementarity"):
         assert getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-12)
-    assert work.s[places.PRODUCTS] == pytest.approx(float(work.it.gap @ work.it.z), rel=1e-12)
+    assert work.s[state.PRODUCTS] == pytest.approx(float(work.it.gap @ work.it.z), rel=1e-12)
     x, r = work.it.w[: form.n], work.it.r
-    stated = work.s[places.STATED], work.s[places.VIOLATION]
+    stated = work.s[state.STATED], work.s[state.VIOLATION]
     assert stated == pytest.approx(form.user_measures(x, work.it.f, r), rel=1e-12)
 
 
@@ -48,7 +48,7 @@ def test_an_error_that_is_no_number_shows(name: str) -> None:
     total = work.errors().total if name not in ("w", "y") else np.nan
     work.step.dw[0] = np.nan
     work.limit_step(0.99)
-    assert not np.isfinite(work.s[places.FINITE])
+    assert not np.isfinite(work.s[state.FINITE])
     if name in ("c", "dual", "z"):
         errors = work.errors()
         assert not all(np.isfinite([errors.dual, errors.primal, errors.complementarity])), total
@@ -61,15 +61,15 @@ def test_steps_end_before_the_bounds(seed: int, tau: float) -> None:
     work.limit_step(tau)
     gap_step = form.sign * step.dw[form.index]
     s = work.s
-    assert s[places.PRIMAL_STEP] == pytest.approx(largest_step(it.gap, gap_step, tau), rel=1e-12)
-    assert s[places.DUAL_STEP] == pytest.approx(largest_step(it.z, step.dz, tau), rel=1e-12)
-    assert s[places.SLOPE] == pytest.approx(float(it.gradient @ step.dw[: form.n]), rel=1e-10, abs=1e-12)
-    assert s[places.LOG_SLOPE] == pytest.approx(float((gap_step / it.gap).sum()), rel=1e-10, abs=1e-12)
-    assert s[places.LENGTH] == pytest.approx(float(np.linalg.norm(step.dw[: form.n])), rel=1e-12)
-    alpha = s[places.PRIMAL_STEP]
+    assert s[state.PRIMAL_STEP] == pytest.approx(largest_step(it.gap, gap_step, tau), rel=1e-12)
+    assert s[state.DUAL_STEP] == pytest.approx(largest_step(it.z, step.dz, tau), rel=1e-12)
+    assert s[state.SLOPE] == pytest.approx(float(it.gradient @ step.dw[: form.n]), rel=1e-10, abs=1e-12)
+    assert s[state.LOG_SLOPE] == pytest.approx(float((gap_step / it.gap).sum()), rel=1e-10, abs=1e-12)
+    assert s[state.LENGTH] == pytest.approx(float(np.linalg.norm(step.dw[: form.n])), rel=1e-12)
+    alpha = s[state.PRIMAL_STEP]
     assert work.try_step(alpha)
     trial = evaluate(form, it.w + alpha * step.dw, it.y, it.z)
-    assert s[places.TRIAL_THETA] == pytest.approx(trial.theta, rel=1e-12)
+    assert s[state.TRIAL_THETA] == pytest.approx(trial.theta, rel=1e-12)
     assert work.trial_phi(0.3) == pytest.approx(trial.f - 0.3 * np.log(trial.gap).sum(), rel=1e-12)
 
 
@@ -83,7 +83,7 @@ def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shifted
     work.shifts[:] = np.random.default_rng(seed).uniform(0.0, 1.0, n) * form.free
     shifts = shifted * work.shifts
     before = it.snapshot()
-    residual, alpha, dual = work.residual.copy(), work.s[places.PRIMAL_STEP], work.s[places.DUAL_STEP]
+    residual, alpha, dual = work.residual.copy(), work.s[state.PRIMAL_STEP], work.s[state.DUAL_STEP]
     assert work.try_step(alpha)
     assert work.move(alpha, 0.1, shifted)
     moved = it.y - before.y
@@ -108,25 +108,6 @@ def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shifted
         np.testing.assert_allclose(getattr(it, name), getattr(wanted, name), rtol=1e-12, atol=1e-12)
 
 
-def test_shifts_of_what_only_the_objective_bends_stay_small() -> None:
-    form, work = at_work(3)
-    diagonal = np.flatnonzero((form.hess_rows == form.hess_cols) & form.free[form.hess_rows])
-    convex = form.hess_rows[diagonal], diagonal
-    form.convex, form.workspace = convex, None
-    work = Workspace(form)
-    work.primal[:] = np.random.default_rng(3).uniform(0.0, 1.0, form.n)
-    work.it.hess[:] = np.random.default_rng(4).standard_normal(form.hess_rows.size)
-    work.s[places.SHIFT] = shift = 0.5
-    work.shifted_call()
-    curvature = work.primal[convex[0]] + work.it.hess[convex[1]]
-    assert (curvature > 0.0).any() and (curvature <= 0.0).any()
-    expected = shift * form.free
-    capped = np.minimum(shift, 0.1 * curvature + 1e-3 * shift)
-    expected[convex[0]] = np.where(curvature > 0.0, capped, shift)
-    np.testing.assert_allclose(work.shifts, expected, rtol=1e-14)
-    np.testing.assert_allclose(work.kkt.primal, work.primal + expected, rtol=1e-14)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None:
     form, work = at_work(seed)
@@ -134,7 +115,7 @@ def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None
     system = NewtonSystem(work)
     system.factorize(0.1)
     work.predict()
-    average = s[places.PRODUCTS] / form.gaps
+    average = s[state.PRODUCTS] / form.gaps
     grid = [1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0]
     errors = []
     for sigma in grid:
@@ -146,26 +127,26 @@ def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None
         dual = float(work.residual @ work.residual) / form.moving.sum()
         primal = float(it.c @ it.c) / form.m
         errors.append(np.mean(products**2) + (1 - b) ** 2 * dual + (1 - a) ** 2 * primal)
-    assert s[places.SIGMA] == grid[int(np.argmin(errors))]
+    assert s[state.SIGMA] == grid[int(np.argmin(errors))]
 
 
 @given(st.lists(st.floats(1e-300, 1e300), max_size=30))
 def test_logarithms_of_products_are_sums_of_logarithms(values: list[float]) -> None:
-    found = passes.log_sum(len(values), np.array(values))
+    found = kernels.log_sum(len(values), np.array(values))
     assert found == pytest.approx(sum(np.log(v) for v in values), rel=1e-12, abs=1e-10)
 
 
 def test_a_logarithm_of_nothing_is_no_number() -> None:
-    assert np.isnan(passes.log_sum(2, np.array([1.0, 0.0])))
-    assert np.isnan(passes.log_sum(2, np.array([-1.0, -1.0])))
+    assert np.isnan(kernels.log_sum(2, np.array([1.0, 0.0])))
+    assert np.isnan(kernels.log_sum(2, np.array([-1.0, -1.0])))
 
 
 def test_the_slack_of_a_row_without_entries_makes_up_for_its_residual() -> None:
     """The row is a number: only its slack can meet it."""
     none = np.zeros(0, dtype=np.int64)
     dw, dy, dz = np.full(3, np.nan), np.full(2, np.nan), np.full(1, np.nan)
-    kind = np.array([passes.INEQUALITY, passes.EQUALITY], dtype=np.int32)
-    step_passes.recover(
+    kind = np.array([kernels.INEQUALITY, kernels.EQUALITY], dtype=np.int32)
+    step_kernels.recover(
         1, 2, 1, 1, 0, none, np.array([1]), np.ones(1), np.ones(1), kind, none, none, np.zeros(0),
         np.array([-0.25, 3.0]), np.ones(1), np.full(1, 2.0), np.full(1, 0.5), np.array([0.125, 7.0, 8.0]), dw, dy, dz,
     )  # fmt: skip
@@ -174,7 +155,7 @@ def test_the_slack_of_a_row_without_entries_makes_up_for_its_residual() -> None:
     assert dz.tolist() == [0.5 - 2.0 * -0.25 - 1.0]
 
 
-@pytest.mark.parametrize("gaps", [1, 7, step_passes.BLOCK, 3 * step_passes.BLOCK + 5])
+@pytest.mark.parametrize("gaps", [1, 7, step_kernels.BLOCK, 3 * step_kernels.BLOCK + 5])
 @pytest.mark.parametrize("short", [0.0, 2.0])
 def test_the_centring_parameter_leaves_the_smallest_error(gaps, short):
     """Against every one of them tried."""
@@ -185,11 +166,11 @@ def test_the_centring_parameter_leaves_the_smallest_error(gaps, short):
     affine, centring = 0.3 * rng.normal(size=gaps + 3), 0.1 * rng.normal(size=gaps + 3)
     affine_z, centring_z = -z + 0.1 * rng.normal(size=gaps), 0.5 * rng.uniform(size=gaps)
     grid = np.array([1e-3, 0.03, 0.2, 0.6, 1.0, 5.0])
-    s = np.zeros(places.NUMBERS)
-    s[[places.PRODUCTS, places.DUAL_SQUARED, places.PRIMAL_SQUARED]] = gap @ z, 0.3, 0.2
-    step_passes.choose_centring(
+    s = np.zeros(state.NUMBERS)
+    s[[state.PRODUCTS, state.DUAL_SQUARED, state.PRIMAL_SQUARED]] = gap @ z, 0.3, 0.2
+    step_kernels.choose_centring(
         gaps, grid.size, 11.0, 7.0, 0.99, short, index, sign, grid, gap, z, affine, affine_z, centring, centring_z,
-        np.zeros(gaps), np.zeros(gaps), np.zeros(4 * step_passes.BLOCK), np.zeros(4 * grid.size), s,
+        np.zeros(gaps), np.zeros(gaps), np.zeros(4 * step_kernels.BLOCK), np.zeros(4 * grid.size), s,
     )  # fmt: skip
     errors, reaches = [], []
     for sigma in grid:
@@ -202,5 +183,5 @@ def test_the_centring_parameter_leaves_the_smallest_error(gaps, short):
         errors.append((1 - b) ** 2 * 0.3 / 11.0 + (1 - a) ** 2 * 0.2 / 7.0 + products @ products / gaps)
         reaches.append(a)
     best = int(np.argmin(errors))
-    expected = grid[best] if reaches[best] >= short else max(grid[best], step_passes.CENTRED)
-    assert s[places.SIGMA] == expected
+    expected = grid[best] if reaches[best] >= short else max(grid[best], step_kernels.CENTRED)
+    assert s[state.SIGMA] == expected

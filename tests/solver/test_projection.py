@@ -9,7 +9,7 @@ from symbolic_program import INF, SymbolicProgram
 from stc.solver import Options
 from stc.solver.kkt import DenseKKT
 from stc.solver.projection import ProjectionPair
-from stc.solver.projection_passes import EXACT
+from stc.solver.projection_kernels import EXACT
 from stc.solver.scaled_problem import ScaledProblem
 from stc.symbolic.expr import call
 

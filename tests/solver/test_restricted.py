@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scaled_program import dense, scaled
 
+from stc.solver.active_set_system import FIRM, FIRMER, LOOSE, SOFT, factorize_restricted
 from stc.solver.kkt.contract import Inertia
 from stc.solver.projection import Projection
-from stc.solver.restricted import FIRM, FIRMER, LOOSE, SOFT, factorize_restricted
 
 
 @pytest.mark.parametrize("active", ["none", "some", "all rows"])

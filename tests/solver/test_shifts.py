@@ -4,54 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from symbolic_program import SymbolicProgram
 
-from stc.solver import Options, Start, minimize, places
+from stc.solver import Options, Start, minimize, state
+from stc.solver.inertia_correction import DECAY, GROWTH, median_magnitude
 from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.shift_passes import AFTER_SHORT, DECAY, DECAY_IF_CRAMPED, SHORT, relax
-from stc.solver.step_passes import ROWS_SHARE, SHARE, SLIGHT
+from stc.solver.step_kernels import ROWS_SHARE, SHARE, SLIGHT
 from stc.solver.workspace import Workspace
-
-
-def after(length: float, *, bends: float = 1.0, limit: float = 1.0) -> np.ndarray:
-    """The numbers after a step of that length, made with a shift of 1e-3."""
-    s = np.zeros(places.NUMBERS)
-    s[places.SHIFT], s[places.BENDS], s[places.LIMIT], s[places.LAST_SHIFT] = 1e-3, bends, limit, 1e-3
-    relax(length, s)
-    return s
-
-
-def test_a_short_step_asks_for_a_larger_shift_at_once():
-    s = after(0.5 * SHORT)
-    assert DECAY * s[places.LAST_SHIFT] == pytest.approx(DECAY * AFTER_SHORT * 1e-3)
-    assert DECAY * AFTER_SHORT > 1.0
-    assert s[places.UNTRIED] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("length", "more"),
-    [
-        (1.0, {}),
-        (1.5 * SHORT, {}),
-        (0.5 * SHORT, {"limit": 0.6 * SHORT}),  # the bounds allowed no more
-        (0.5 * SHORT, {"bends": 0.0}),  # damping is of no use
-    ],
-)
-def test_other_steps_leave_the_shift_to_decay(length, more):
-    s = after(length, **more)
-    assert s[places.LAST_SHIFT] == 1e-3
-    assert s[places.UNTRIED] == 0.0
-
-
-def test_no_shift_is_made_up_where_none_was_needed():
-    s = np.zeros(places.NUMBERS)
-    s[places.BENDS], s[places.LIMIT] = 1.0, 1.0
-    relax(0.01, s)
-    assert s[places.LAST_SHIFT] == 0.0
-    assert s[places.UNTRIED] == 0.0
 
 
 def test_steps_are_measured_relative_to_what_is_large_where_rows_are_damped():
@@ -69,14 +33,36 @@ def test_steps_are_measured_relative_to_what_is_large_where_rows_are_damped():
     system.factorize(0.1)
     shift = system.shift
     assert shift > 0.0
-    assert work.s[places.WHOLE] == 0.0
+    assert work.s[state.WHOLE] == 0.0
     weighted = shift * (1.0 + np.square(point)) ** 0.25
     assert work.kkt.primal == pytest.approx(weighted)
     assert np.all(2.0 + ROWS_SHARE * 4.0 * -4.0 + weighted[1:] > 0.0)
-    assert SLIGHT < SHARE  # of curvature upwards, which there is none of here
-    work.s[places.WHOLE] = 1.0
+    work.s[state.WHOLE] = 1.0
     work.shifted_call()
     assert work.kkt.primal == pytest.approx(np.full(3, shift))
+
+
+def test_what_the_objective_alone_bends_is_hardly_shifted():
+    """``3 u^2 - x^2`` with a row in which u is linear: only x needs a shift."""
+    nlp = SymbolicProgram(
+        [1.0, 2.0], lambda x: -(x[0] ** 2) + 3.0 * x[1] ** 2, lambda x: [(x[0] ** 2 + x[1], 3.0, 3.0)]
+    )
+    nlp.fixed_curvature = np.array([False, True])
+    form = ScaledProblem(nlp, nlp.x0, Options(scaling=False), DenseKKT)
+    work = Workspace(form)
+    work.load(evaluate(form, np.concatenate([nlp.x0, [0.0]]), np.zeros(1), np.zeros(0)))
+    work.s[state.WHOLE], work.s[state.SHIFT] = 1.0, 50.0
+    work.diagonals_call()
+    work.shifted_call()
+    assert work.kkt.primal[0] == pytest.approx(50.0)
+    assert work.kkt.primal[1] == pytest.approx(SHARE * 6.0 + SLIGHT * 50.0)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), max_size=40))
+def test_the_median_magnitude(values: list[float]) -> None:
+    sizes = sorted(abs(v) for v in values if v)
+    expected = sizes[len(sizes) // 2] if sizes else 0.0
+    assert median_magnitude(len(values), np.array(values)) == expected
 
 
 @pytest.mark.parametrize("downwards", [0.02, 1.7, 60.0])
@@ -92,7 +78,7 @@ def test_shifts_stay_near_the_smallest_that_serves(downwards: float) -> None:
         system.factorize(0.1)
         shifts.append(system.shift)
     assert min(shifts) > downwards
-    assert max(shifts[10:]) <= downwards / DECAY_IF_CRAMPED
+    assert max(shifts[10:]) <= downwards * GROWTH / DECAY
     assert work.kkt.factorizations <= 80
 
 

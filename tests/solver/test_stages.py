@@ -13,7 +13,6 @@ from stc.solver import Options, Status, minimize
 from stc.solver.filter import GAMMA_PHI, GAMMA_THETA, ROOM, Filter
 from stc.solver.kkt import FrontalKKT, structured_kkt
 from stc.solver.kkt.planned import PlannedKKT
-from stc.solver.shift_passes import middle_magnitude
 
 numbers = st.floats(-1e6, 1e6)
 
@@ -112,13 +111,6 @@ def test_the_oldest_pair_gives_way() -> None:
     assert own.accepts(1.5, 10.0)  # the first ones are forgotten
     assert not own.accepts(6.0, 10.0)
     assert not own.accepts(ROOM + 5.0, -10.0)
-
-
-@given(st.lists(numbers, max_size=40))
-def test_the_middle_magnitude(values: list[float]) -> None:
-    sizes = sorted(abs(v) for v in values if v)
-    expected = sizes[len(sizes) // 2] if sizes else 0.0
-    assert middle_magnitude(len(values), np.array(values)) == expected
 
 
 def test_solves_work_without_attempts_of_their_own() -> None:

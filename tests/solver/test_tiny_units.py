@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import stc
-from stc.solver import Options, minimize
-from stc.solver.scaled_problem import ScaledProblem
 
 #: The tip of a cantilever, moved in {microseconds} with forces and places in these units.
 CANTILEVER = """
@@ -30,28 +28,3 @@ def test_units_make_no_difference(rule: str, n: int) -> None:
     assert tiny.status == usual.status == "optimal"
     assert tiny.objective == pytest.approx(usual.objective, rel=1e-6)
     np.testing.assert_allclose(tiny["x"], 1e-9 * usual["x"], atol=1e-12)
-
-
-def test_small_variables_are_scaled_where_the_first_attempt_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With one large variable among them the others are left alone at first."""
-    spec = CANTILEVER.format(length=1, time=1, force=1, rule="central")
-    model = stc.load(
-        spec.replace("variables: x, f;", "variables: x, f, y; guess: y = 1;").replace(
-            "[0]: x;", "[0]: y = 1; x;"
-        )
-    )
-    problem, transcription = model.transcription()
-    nlp = transcription.bind(problem.constants)
-    scaled: list[bool] = []
-    original = ScaledProblem._choose_scales
-
-    def choose(self: ScaledProblem, x0: np.ndarray, small_too: bool, weak_below: float) -> None:
-        scaled.append(small_too)
-        original(self, x0, small_too, weak_below)
-
-    monkeypatch.setattr(ScaledProblem, "_choose_scales", choose)
-    result = minimize(nlp, Options())
-    assert scaled[0] is False
-    assert True in scaled
-    assert result.status == "optimal"
-    assert result.objective == pytest.approx(61.2771927, rel=1e-6)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from symbolic_program import INF, SymbolicProgram
+from symbolic_program import SymbolicProgram
 
 import stc
-from stc.solver import Options, minimize
-from stc.solver.nearest import nearest_point
+from stc.solver import minimize
 
 #: A mass is moved from rest to rest in a second; least effort is 12 m^2 d^2 (a cubic), the rule's error aside.
 EFFORT = """
@@ -33,15 +32,6 @@ def test_what_cannot_be_done_in_large_units_is_infeasible_still() -> None:
     """The way takes 4 m d at least, all forward and then all back."""
     model = stc.load(EFFORT.replace("LIMITS", "-3.9*m*d <= f <= 3.9*m*d;"))
     assert model.solve(method="trapezoidal", m=1e3, d=1e3).status == "infeasible"
-
-
-def test_the_nearest_point_meets_the_equations() -> None:
-    program = SymbolicProgram(
-        [0.0, 0.0, 0.0], rows=lambda x: [(3.0 * x[0] + 4.0 * x[1], 50.0, 50.0), (x[0] + x[2], -INF, 9.0)]
-    )
-    x, iterations = nearest_point(program, np.ones(3), Options())
-    np.testing.assert_allclose(x, [6.0, 8.0, 0.0], atol=1e-9)
-    assert iterations <= 5
 
 
 #: HS 228 (Schittkowski): -3 at (0, -3), in small units.
@@ -137,14 +127,6 @@ objective: [0, n]: integral(s);
 """
 
 
-@pytest.mark.parametrize(("m", "d"), [(1e-3, 1e-3), (1e-2, 1e-3), (1e-3, 1.0), (1e3, 1.0)])
-def test_a_small_objective_is_as_exact_as_any(m: float, d: float) -> None:
-    model = stc.load(IMPULSE)
-    usual, small = model.solve(method="trapezoidal"), model.solve(method="trapezoidal", m=m, d=d)
-    assert usual.status == small.status == "optimal"
-    assert small.objective / (m * d) == pytest.approx(usual.objective, rel=2e-5)
-
-
 #: The least time for it.
 HASTE = """
 constants: n = 50, m = 1, d = 1;
@@ -181,7 +163,7 @@ def test_slopes_that_rounding_leaves_of_a_steep_valley_count_as_none(unit: float
 
 def test_a_slope_that_is_none_of_rounding_counts() -> None:
     """At rest in the origin terms are 0, so that rounding leaves nothing."""
-    from stc.solver.dual_estimate import slopes_left
+    from stc.solver.first_order_gain import slopes_left
 
     program = SymbolicProgram([0.0], lambda x: 1e-5 * x[0] + 1e8 * x[0] ** 2)
     left = slopes_left(program, np.zeros(1), np.zeros(0), np.zeros(1))

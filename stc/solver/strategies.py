@@ -1,0 +1,151 @@
+"""Ways to go about a problem, each of which leads to an outcome: from a guess, from a neighbour's solution, others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from stc.solver.active_set import bends_upwards, newton_on_active_set, newton_point
+from stc.solver.feasible_start import feasible_first
+from stc.solver.interior import optimise
+from stc.solver.judgement import Judgement
+from stc.solver.monitor import Monitor
+from stc.solver.nlp import NLP, Floats
+from stc.solver.options import Options
+from stc.solver.outcome import End, Outcome, Tactics
+from stc.solver.projection_kernels import ACCURATE
+from stc.solver.report import Start
+from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
+
+__all__ = ["Strategies"]
+
+NEARBY = 0.1
+QUADRATIC_STEPS = 3
+NEIGHBOUR_STEPS, PATIENCE = 8, 2
+FEWER = 2
+"""Brief restorations of the later attempts."""
+SHORT_PATH = 100
+"""Iterations of the free choice from a neighbour's solution."""
+CLOSE = 0.1
+"""The violation allowed on the way from a feasible point."""
+
+
+class Strategies:
+    """The attempts at one problem, which share their limits and their log."""
+
+    def __init__(self, nlp: NLP, options: Options, monitor: Monitor, judgement: Judgement) -> None:
+        self.nlp, self.options, self.monitor, self.judgement = nlp, options, monitor, judgement
+
+    def warm(
+        self, form: ScaledProblem, x0: Floats, start: Start, trusting: bool, tactics: Tactics
+    ) -> Outcome:
+        """Steps from a neighbour's solution; where they do not converge, a short barrier path to it.
+
+        Along a flat valley of the objective that path is a long one. There a parameter that is chosen freely grows
+        again, and leads away from where the rows are nearly met: after some steps it is held from the first.
+        """
+        assert start.row_multipliers is not None
+        x, y, z = x0 / form.x_scale, form.scaled_multipliers(start.row_multipliers), np.zeros(form.n)
+        if start.bound_multipliers is not None:
+            z = form.scaled_bound_multipliers(start.bound_multipliers)
+        if not trusting:
+            outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
+            if outcome is not None:
+                return outcome
+            if not form.gaps:  # no other active set to be found
+                return self.barrier(form, x0, tactics)
+        from stc.solver.warm_start import from_neighbour
+
+        point, minimum = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor)
+        it = warm_iterate(form, x, y)
+        if point is not None:
+            return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it, minimum=minimum)
+        free = replace(tactics, budget=min(tactics.budget, SHORT_PATH))
+        outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=free)
+        left = self.monitor.limit - self.monitor.iterations
+        if outcome.end is End.CONVERGED or not (outcome.early and form.gaps and tactics.patient and left > 0):
+            return outcome
+        held = replace(tactics, adaptive=False, budget=self.options.max_iterations)
+        it = warm_iterate(form, x, y)
+        return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=held)
+
+    def cold(self, form: ScaledProblem, x0: Floats, options: Options) -> Outcome:
+        """From ``x0`` (n,), with options for the barrier."""
+        outcome = self.linear_equations(form, x0)
+        return self.barrier(form, x0, Tactics(), options) if outcome is None else outcome
+
+    def linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
+        """A quadratic program without inequalities: its optimality conditions are linear equations.
+
+        The problem as stated confirms the solution, which is evaluated only once then. None for other programs.
+        """
+        if form.gaps or not form.quadratic_program:
+            return None
+        x, y = np.where(form.held, form.held_value, x0 / form.x_scale), np.zeros(form.m)
+        point = newton_point(form, x, y)
+        if point is not None:
+            outcome = Outcome(
+                End.CONVERGED, form, point.x.copy(), point.y.copy(), 0.0, minimum=bends_upwards(form)
+            )
+            stated = self.judgement.stated(outcome)
+            judged = self.judgement.assess(stated)
+            outcome.error = max(judged.violation, judged.optimality)
+            if outcome.error <= ACCURATE * self.options.tolerance:
+                step = float(np.abs(outcome.x - x).max(initial=0.0))
+                self.monitor.count()
+                self.monitor.record(
+                    lambda: (stated.x, stated.y), judged.objective, judged.violation, judged.optimality, step, 1.0,
+                    0.0, 0.0, "active-set",
+                )  # fmt: skip
+                return outcome
+        return self._by_newton(form, x, y, QUADRATIC_STEPS)
+
+    def _by_newton(
+        self, form: ScaledProblem, x: Floats, y: Floats, steps: int, patience: int = 0
+    ) -> Outcome | None:
+        """The solution that Newton's method on the active set finds from ``(x, y)``, scaled; None where it does not."""
+        tolerance = self.options.tolerance
+        point, solved = newton_on_active_set(
+            form, x, y, self.monitor, steps=steps, tolerance=tolerance, patience=patience
+        )
+        if point is None or not solved:
+            return None
+        x, y, minimum = point.x.copy(), point.y.copy(), bends_upwards(form)
+        return Outcome(End.CONVERGED, form, x, y, point.error, minimum=minimum)
+
+    def barrier(
+        self,
+        form: ScaledProblem,
+        x0: Floats,
+        tactics: Tactics,
+        options: Options | None = None,
+    ) -> Outcome:
+        """By a barrier, from near ``x0`` (n,)."""
+        options = options or self.options
+        it = cold_iterate(form, x0 / form.x_scale)
+        return optimise(form, it, options.initial_barrier, options, self.monitor, tactics=tactics)
+
+    def feasible_first(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome:
+        """Find a feasible point before looking at the objective."""
+        it = cold_iterate(form, x0 / form.x_scale)
+        return feasible_first(form, it, self.options, self.monitor, Tactics())
+
+    def perturbed(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome:
+        """Start a little off, with patience."""
+        moved = self._perturbed(form, x0, NEARBY)
+        tactics = Tactics(budget=self.options.max_iterations, brief_restorations=FEWER)
+        return self.barrier(form, moved, tactics)
+
+    def from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
+        """Start at a feasible point ``x`` (n,), and do not leave the rows far behind."""
+        return self.barrier(form, x, Tactics(largest_theta=CLOSE))
+
+    def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
+        """A start near ``x0``, moved at random by a fraction of each variable's size."""
+        noise = np.random.default_rng(self.options.seed).uniform(-1.0, 1.0, x0.size)
+        moved = x0 + by * noise * np.maximum(np.abs(x0), form.x_scale)
+        moved = np.clip(moved, self.nlp.x_lower, self.nlp.x_upper)
+        f, r = self.nlp.values(moved)
+        return moved if np.isfinite(f + r.sum()) else x0
