@@ -1,21 +1,30 @@
-"""Which factorisation suits a sparsity: stages one after the other, segments side by side, or a window that slides."""
+"""Which factorisation suits a sparsity: stages in a row, segments side by side, a tree of fronts, or a sliding window.
+
+The tree of fronts (``stc/core``) is taken where the environment says so: ``STC_KKT=wide`` for wide stages in place of a
+window, ``STC_KKT=core`` for all.
+"""
 
 from __future__ import annotations
+
+import os
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import ranks
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import FrontalKKT
 from stc.solver.kkt.levels import narrower_stages
+from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.kkt.segments import Numbered, Segmentation, find_segments, number_stages
 from stc.solver.nlp import Ints
 
 __all__ = ["new_system", "suits_chain"]
 
-#: A chain is faster than segments where stages have so many unknowns, the middle one of them all, ...
+#: Stages of so many unknowns are wide: where there are neither segments nor a chain of them, fronts are faster than a
+#: window. A chain is faster than segments where the middle one of all stages has so many, ...
 WIDE = 60
 #: ... or so many, as long as its factors and scaled entries stay in a processor's own memory: so many bytes in all, and
 #: so many for each unknown of a stage and each other one of it, about.
@@ -64,8 +73,12 @@ def new_system(
     row_stage: Ints,
     held: NDArray[np.bool_],
     equations: NDArray[np.bool_],
-) -> FrontalKKT | PlannedKKT:
+) -> FrontalKKT | PlannedKKT | MultifrontalKKT:
     """The linear algebra for a sparsity that takes the least time; arguments as for ``StructuredKKT``."""
+    pattern = n, m, jac_rows, jac_cols, hess_rows, hess_cols
+    wanted = os.environ.get("STC_KKT", "")
+    if wanted == "core":
+        return MultifrontalKKT(*pattern, var_stage, row_stage)
     couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
     stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
     numbered = number_stages(couplings, stage, held)
@@ -88,4 +101,6 @@ def new_system(
             from stc.solver.kkt.segmented import SegmentedKKT
 
             return SegmentedKKT(couplings, stage, found)
+    if wanted == "wide" and couplings.size >= WIDE * ranks(stage)[1]:
+        return MultifrontalKKT(*pattern, stage[:n], stage[n:])
     return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))
