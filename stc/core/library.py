@@ -7,10 +7,13 @@ import functools
 import sys
 from pathlib import Path
 
-__all__ = ["Arrays", "Facts", "Options", "Pattern", "library"]
+from stc.errors import StcError
+
+__all__ = ["Arrays", "Facts", "Options", "Pattern", "is_there", "library"]
 
 FOLDER = Path(__file__).parent
-REBUILD = "install the package again (pip install -e . in a checkout)"
+LIBRARY = FOLDER / f"libkkt.{ {'win32': 'dll', 'darwin': 'dylib'}.get(sys.platform, 'so') }"
+REBUILD = "python stc/core/compiling.py makes it anew, as does pip install"
 _int32s = ctypes.c_void_p
 _doubles = ctypes.c_void_p
 
@@ -67,25 +70,29 @@ class Facts(ctypes.Structure):
     ]  # fmt: skip
 
 
+def is_there() -> bool:
+    """Whether the library was compiled when the package was installed."""
+    return LIBRARY.exists()
+
+
 @functools.cache
 def library() -> ctypes.CDLL:
     """The library, its functions typed.
 
     Raises
     ------
-    ImportError : it was not compiled, or in a checkout, from other sources than those that are there.
+    StcError : it cannot be loaded, or was compiled from other sources than those that are there.
     """
-    ending = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
     try:
-        loaded = ctypes.CDLL(str(FOLDER / f"libkkt.{ending}"))
+        loaded = ctypes.CDLL(str(LIBRARY))
     except OSError as error:
-        raise ImportError(f"the numerical core is missing ({error}): {REBUILD}") from None
+        raise StcError(f"the numerical core cannot be loaded ({error}): {REBUILD}") from None
     loaded.kkt_sources.restype = ctypes.c_char_p
     if (FOLDER / "kkt.h").exists():  # a checkout: an installed package has no sources
         from stc.core.compiling import digest_of_sources
 
         if loaded.kkt_sources().decode() != digest_of_sources():
-            raise ImportError(f"the numerical core is older than its sources: {REBUILD}")
+            raise StcError(f"the numerical core ({LIBRARY}) is older than its sources: {REBUILD}")
     call = ctypes.c_void_p
     for name, result, arguments in (
         ("kkt_new", ctypes.c_void_p, [ctypes.POINTER(Pattern), ctypes.POINTER(Arrays)]),

@@ -1,25 +1,24 @@
-"""Which factorisation suits a sparsity: stages in a row, segments side by side, a tree of fronts, or a sliding window.
-
-The tree of fronts (``stc/core``) is taken where the environment says so: ``STC_KKT=wide`` for wide stages in place of a
-window, ``STC_KKT=core`` for all.
-"""
+"""Which factorisation suits a sparsity: stages in a row, segments side by side, a tree of fronts, or a sliding window."""
 
 from __future__ import annotations
 
-import os
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import ranks
+from stc.core import library as core
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import FrontalKKT
 from stc.solver.kkt.levels import narrower_stages
-from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.kkt.segments import Numbered, Segmentation, find_segments, number_stages
 from stc.solver.nlp import Ints
+
+if TYPE_CHECKING:
+    from stc.solver.kkt.multifrontal import MultifrontalKKT
 
 __all__ = ["new_system", "suits_chain"]
 
@@ -76,10 +75,7 @@ def new_system(
 ) -> FrontalKKT | PlannedKKT | MultifrontalKKT:
     """The linear algebra for a sparsity that takes the least time; arguments as for ``StructuredKKT``."""
     pattern = n, m, jac_rows, jac_cols, hess_rows, hess_cols
-    wanted = os.environ.get("STC_KKT", "")
-    if wanted == "core":
-        return MultifrontalKKT(*pattern, var_stage, row_stage)
-    couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
+    couplings = Couplings.of(*pattern)
     stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
     numbered = number_stages(couplings, stage, held)
     narrower = narrower_stages(couplings, numbered) if numbered is not None else None
@@ -101,6 +97,8 @@ def new_system(
             from stc.solver.kkt.segmented import SegmentedKKT
 
             return SegmentedKKT(couplings, stage, found)
-    if wanted == "wide" and couplings.size >= WIDE * ranks(stage)[1]:
+    if couplings.size >= WIDE * ranks(stage)[1] and core.is_there():
+        from stc.solver.kkt.multifrontal import MultifrontalKKT
+
         return MultifrontalKKT(*pattern, stage[:n], stage[n:])
     return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))

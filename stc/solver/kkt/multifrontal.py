@@ -19,7 +19,8 @@ __all__ = ["MultifrontalKKT"]
 
 #: What a factorisation returns.
 SINGULAR, NOT_FINITE, NO_MEMORY = 1, 2, 3
-#: Where a solve leaves a larger relative residual than DOUBTFUL, the pivot threshold is raised, up to the highest.
+#: Where a solve leaves a larger relative residual than DOUBTFUL, the matrix is factorised again with larger pivot
+#: thresholds, up to the highest.
 DOUBTFUL = 1e-9
 THRESHOLD, HIGHEST_THRESHOLD = 1e-4, 0.3
 #: Where small pivots are trusted, those that exceed the noise in them so many times are not zero.
@@ -140,11 +141,12 @@ class MultifrontalKKT(ByCopies):
 
     def check_solution(self) -> bool:
         """See ``AttachedKKT.check_solution``."""
-        repeated = False
-        while self.report[0] > DOUBTFUL and self._options.threshold < HIGHEST_THRESHOLD:
-            self._options.threshold = min(100.0 * self._options.threshold, HIGHEST_THRESHOLD)
+        threshold = THRESHOLD
+        while self.report[0] > DOUBTFUL and threshold < HIGHEST_THRESHOLD and self.inertia[2] == 0:
+            threshold = min(100.0 * threshold, HIGHEST_THRESHOLD)
+            self._options.threshold = threshold
             self.refactor()
             self._solve()
-            repeated = True
+        self._options.threshold = THRESHOLD  # the next matrix may not need it
         self.last_residual = float(self.report[0])
-        return repeated
+        return threshold > THRESHOLD

@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 import weakref
 from collections import OrderedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,11 @@ from stc.solver.kkt.choice import new_system
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies
 from stc.solver.kkt.frontal import FrontalKKT
-from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.nlp import Floats, Ints
+
+if TYPE_CHECKING:
+    from stc.solver.kkt.multifrontal import MultifrontalKKT
 
 __all__ = ["StructuredKKT", "forget"]
 
