@@ -76,10 +76,11 @@ def _packaged_compiler() -> list[str]:
 
 
 def _flags_of(kind: str, packaged: bool) -> list[str]:
-    """Of an instruction set: the packaged compiler is told of a processor, others of what it has."""
+    """Of an instruction set: never those of the machine at hand, since the library may go to another one."""
     flags, features = INSTRUCTIONS[kind]
-    if not packaged:
-        return [*flags, *(f"-m{feature}" for feature in features)]
+    if not packaged:  # some are configured for a later processor than the plainest
+        plainest = ["-march=x86-64"] if _is_x86() else []
+        return [*flags, *plainest, *(f"-m{feature}" for feature in features)]
     wide = ["evex512"] if "avx512f" in features else []
     return [*flags, f"-mcpu={'+'.join(['baseline', *features, *wide])}"]
 
