@@ -25,7 +25,9 @@ class BuildWithMachineCode(build_py):
         try:
             compiling["compile_library"](root.resolve() / "stc/core", here / "build/core")
         except (RuntimeError, OSError) as error:
-            print(f"the package goes without its numerical core, and solves bodies in space by slower means: {error}")
+            print(
+                f"the package goes without its numerical core, and solves bodies in space by slower means: {error}"
+            )
         paths = [str(root.resolve()), *filter(None, [os.environ.get("PYTHONPATH")])]
         done = subprocess.run(
             [sys.executable, "-B", "-m", "stc.compile_ahead", "stc/codegen/shipped_objects"],

@@ -32,7 +32,10 @@ INSTRUCTIONS = {
     "avx512": (["-ffp-contract=fast"], ["avx2", "fma", "avx512f", "avx512dq", "avx512vl"]),
 }
 FLAGS = ["-std=c11", "-O3", "-fPIC", "-fvisibility=hidden", "-Wno-unknown-pragmas"]
-TRIAL = "#include <math.h>\nint main(int n, char **a) { (void)a; return sqrt((double)n) == 1.0 ? 0 : 1; }\n"
+TRIAL = """#include <math.h>
+typedef double lanes __attribute__((vector_size(16)));
+int main(int n, char **a) { lanes x = {n, n}; (void)a; return sqrt((x + x)[0]) == sqrt(2.0) ? 0 : 1; }
+"""
 
 
 def _is_x86() -> bool:

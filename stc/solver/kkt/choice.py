@@ -1,4 +1,4 @@
-"""Which factorisation suits a sparsity: stages in a row, segments side by side, a tree of fronts, or a sliding window."""
+"""Which factorisation suits a sparsity: stages in a row, segments side by side, a tree of fronts or a moving window."""
 
 from __future__ import annotations
 
