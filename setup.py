@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_py import build_py
 
@@ -39,18 +39,22 @@ class BuildWithMachineCode(build_py):
             print("the package goes without machine code of its own, and compiles it when it is first used")
 
 
+class WithCore(Distribution):
+    """A distribution for one kind of machine, though it has no extension modules."""
+
+    def has_ext_modules(self) -> bool:
+        return True
+
+
 class PlatformWheel(bdist_wheel):
     """One wheel a platform, for all versions of Python: the core is loaded through ctypes."""
-
-    def finalize_options(self) -> None:
-        super().finalize_options()
-        self.root_is_pure = False
 
     def get_tag(self) -> tuple[str, str, str]:
         return "py3", "none", super().get_tag()[2]
 
 
 setup(
+    distclass=WithCore,
     cmdclass={"build_py": BuildWithMachineCode, "bdist_wheel": PlatformWheel},
     packages=[
         name
