@@ -76,6 +76,7 @@ int match_rows(const graph *g, const double *magnitude, int32_t variables, const
         for (int32_t j = 0; j < size; j++) distance[j] = INFINITY;
     for (int32_t r = variables; r < size && !failed; r++) {
         dual[r] = INFINITY;
+        if (left_out[r]) continue;
         for (int64_t k = g->start[r]; k < g->start[r + 1]; k++) {
             cost[k] = g->index[k] < variables ? cost_of(g, magnitude, left_out, stage, r, k) : INFINITY;
             if (cost[k] < dual[r]) dual[r] = cost[k];

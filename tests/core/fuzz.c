@@ -71,20 +71,23 @@ static int try_one(void) {
     int stages = 1 + below(8), width = 1 + below(9), n = stages * width, m = below(n + 1), size = n + m;
     int64_t h = 0, j = 0;
     double density = 0.05 + 0.9 * uniform();
+    int last = below(4) ? -1 : n - 1; /* a variable that does */
     for (int i = 0; i < n; i++) stage[i] = i / width;
     for (int i = 0; i < m; i++) stage[n + i] = m ? i * stages / m : 0;
     for (int a = 0; a < n; a++)
         for (int b = 0; b <= a; b++)
-            if (stage[a] - stage[b] < 2 && uniform() < density) {
+            if (a == last || (stage[a] - stage[b] < 2 && uniform() < density)) {
                 hess_rows[h] = a;
                 hess_cols[h++] = b;
             }
-    for (int r = 0; r < m; r++)
+    for (int r = 0; r < m; r++) {
+        int whole = below(20) == 0; /* a row that couples with everything */
         for (int a = 0; a < n; a++)
-            if ((abs(stage[n + r] - stage[a]) < 2 && uniform() < density) || below(200) == 0) {
+            if (whole || (abs(stage[n + r] - stage[a]) < 2 && uniform() < density) || below(200) == 0) {
                 jac_rows[j] = r;
                 jac_cols[j++] = a;
             }
+    }
     double *dense = calloc((size_t)(size * size + 1), sizeof(double));
     double *numbers = calloc((size_t)(h + j + 8 * size + 64), sizeof(double)), *at = numbers;
     kkt_arrays arrays = {0};
