@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import stc
 from stc.codegen import engine
 from stc.codegen.image import supported
 from stc.codegen.shipped import LEVELS
+from stc.core import compiling
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = {"stc": "stc", "stc/validate": "validate", "stc/models": "models", "stc/specs": "specs"}
@@ -46,9 +48,20 @@ def test_everything_ships(wheel: zipfile.ZipFile, inside: str) -> None:
     wanted = {
         f"{inside}/{path.relative_to(folder).as_posix()}"
         for path in folder.rglob("*")
-        if path.is_file() and not {"__pycache__", "shipped_objects"} & set(path.parts)
+        if path.is_file()
+        and not {"__pycache__", "shipped_objects"} & set(path.parts)
+        and path.suffix not in (".c", ".h")
+        and path.name != compiling.LIBRARY
     }
     assert wanted <= set(wheel.namelist())
+
+
+def test_the_core_ships_compiled(wheel: zipfile.ZipFile) -> None:
+    """For this kind of machine, and whatever Python: its sources stay at home."""
+    if compiling.own_compiler() is None and importlib.util.find_spec("ziglang") is None:
+        pytest.skip("there is no C compiler: an installation brings its own")
+    assert f"stc/core/{compiling.LIBRARY}" in wheel.namelist()
+    assert str(wheel.filename).rpartition("stc-")[2].split("-")[1:3] == ["py3", "none"]
 
 
 def test_the_solvers_own_code_ships_compiled(wheel: zipfile.ZipFile, tmp_path: Path) -> None:

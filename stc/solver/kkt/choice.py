@@ -1,10 +1,14 @@
-"""Which factorisation suits a sparsity: stages one after the other, segments side by side, or a window that slides."""
+"""Which factorisation suits a sparsity: stages in a row, segments side by side, a tree of fronts or a moving window."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import ranks
+from stc.core import library as core
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import FrontalKKT
@@ -13,9 +17,13 @@ from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.kkt.segments import Numbered, Segmentation, find_segments, number_stages
 from stc.solver.nlp import Ints
 
+if TYPE_CHECKING:
+    from stc.solver.kkt.multifrontal import MultifrontalKKT
+
 __all__ = ["new_system", "suits_chain"]
 
-#: A chain is faster than segments where stages have so many unknowns, the middle one of them all, ...
+#: Stages of so many unknowns are wide: where there are neither segments nor a chain of them, fronts are faster than a
+#: window. A chain is faster than segments where the middle one of all stages has so many, ...
 WIDE = 60
 #: ... or so many, as long as its factors and scaled entries stay in a processor's own memory: so many bytes in all, and
 #: so many for each unknown of a stage and each other one of it, about.
@@ -64,9 +72,10 @@ def new_system(
     row_stage: Ints,
     held: NDArray[np.bool_],
     equations: NDArray[np.bool_],
-) -> FrontalKKT | PlannedKKT:
+) -> FrontalKKT | PlannedKKT | MultifrontalKKT:
     """The linear algebra for a sparsity that takes the least time; arguments as for ``StructuredKKT``."""
-    couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
+    pattern = n, m, jac_rows, jac_cols, hess_rows, hess_cols
+    couplings = Couplings.of(*pattern)
     stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
     numbered = number_stages(couplings, stage, held)
     narrower = narrower_stages(couplings, numbered) if numbered is not None else None
@@ -88,4 +97,8 @@ def new_system(
             from stc.solver.kkt.segmented import SegmentedKKT
 
             return SegmentedKKT(couplings, stage, found)
+    if couplings.size >= WIDE * ranks(stage)[1] and core.is_there():
+        from stc.solver.kkt.multifrontal import MultifrontalKKT
+
+        return MultifrontalKKT(*pattern, stage[:n], stage[n:])
     return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))

@@ -10,6 +10,7 @@ import threading
 import weakref
 from collections import OrderedDict
 from hashlib import blake2b
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ from stc.solver.kkt.frontal import FrontalKKT
 from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.nlp import Floats, Ints
 
+if TYPE_CHECKING:
+    from stc.solver.kkt.multifrontal import MultifrontalKKT
+
 __all__ = ["StructuredKKT", "forget"]
 
 #: What is kept: so many factorisations, of so many bytes together.
@@ -31,11 +35,11 @@ KEPT_BYTES = 128 * 2**20
 LARGEST = 200_000
 
 _lock = threading.RLock()  # the garbage collector may give one back while another is looked up
-_kept: OrderedDict[bytes, FrontalKKT | PlannedKKT] = OrderedDict()
+_kept: OrderedDict[bytes, FrontalKKT | PlannedKKT | MultifrontalKKT] = OrderedDict()
 
 
 class StructuredKKT(ByCopies):
-    """A ``ChainKKT`` where stages are wide, a ``SegmentedKKT`` where the horizon repeats itself, else a ``FrontalKKT``.
+    """What ``choice`` finds to suit: a chain, segments, a tree of fronts or a window.
 
     A new one, or one from an earlier solve.
 
@@ -203,7 +207,7 @@ def forget() -> None:
         _kept.clear()
 
 
-def _keep(key: bytes, system: FrontalKKT | PlannedKKT) -> None:
+def _keep(key: bytes, system: FrontalKKT | PlannedKKT | MultifrontalKKT) -> None:
     """Keep a factorisation that has served, and give up the oldest ones beyond the limits."""
     with _lock:
         _kept[key] = system

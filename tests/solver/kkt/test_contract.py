@@ -10,9 +10,10 @@ from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, Values
 from stc.codegen.calls import chain
 from stc.solver.kkt import DenseKKT, FrontalKKT, Inertia
 from stc.solver.kkt.contract import AttachedKKT
+from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.reuse import StructuredKKT
 
-SYSTEMS = [DenseKKT, FrontalKKT]
+SYSTEMS = [DenseKKT, FrontalKKT, MultifrontalKKT]
 
 
 def equilibrated(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

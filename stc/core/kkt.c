@@ -1,0 +1,292 @@
+/* The life of a system, its plan, and the choice of the instruction set. */
+#include "kkt.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "system.h"
+
+#if defined(KKT_X86)
+#include <cpuid.h>
+#endif
+
+/* A plan is made anew, from the values at hand, where delayed pivots have cost so many times the planned operations in
+ * all, and twice as much each time: some matrices suit no plan. */
+#define WASTED 4.0
+#define PLAN_SWEEPS 4
+#define ALIGNMENT 64
+
+int arena_reserve(arena *a, int64_t room, int64_t kept) {
+    if (room <= a->room) return 0;
+    room += room / 4 + 64;
+    double *larger = NULL;
+#if defined(_WIN32)
+    larger = _aligned_malloc(sizeof(double) * (size_t)room, ALIGNMENT);
+#else
+    size_t bytes = (sizeof(double) * (size_t)room + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
+    larger = aligned_alloc(ALIGNMENT, bytes);
+#endif
+    if (!larger) return -1;
+    if (kept > 0) memcpy(larger, a->at, sizeof(double) * (size_t)kept);
+#if defined(_WIN32)
+    _aligned_free(a->at);
+#else
+    free(a->at);
+#endif
+    a->at = larger;
+    a->room = room;
+    return 0;
+}
+
+static void arena_free(arena *a) {
+#if defined(_WIN32)
+    _aligned_free(a->at);
+#else
+    free(a->at);
+#endif
+    a->at = NULL;
+    a->room = 0;
+}
+
+/* --- The instruction set. */
+
+#if defined(KKT_X86)
+static int has(const char *name) {
+    unsigned a, b, c, d, low, high;
+    if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & bit_OSXSAVE) || !(c & bit_FMA)) return 0;
+    __asm__("xgetbv" : "=a"(low), "=d"(high) : "c"(0));
+    if ((low & 6) != 6 || !__get_cpuid_count(7, 0, &a, &b, &c, &d) || !(b & bit_AVX2)) return 0;
+    if (!strcmp(name, "avx2")) return 1;
+    return (low & 0xe6) == 0xe6 && (b & bit_AVX512F) && (b & bit_AVX512DQ) && (b & bit_AVX512VL);
+}
+#endif
+
+static const numeric *chosen;
+
+static const numeric *numbers(void) {
+    if (!chosen) {
+        chosen = &numeric_baseline;
+#if defined(KKT_X86)
+        if (has("avx2")) chosen = &numeric_avx2;
+        if (has("avx512")) chosen = &numeric_avx512;
+#endif
+    }
+    return chosen;
+}
+
+const char *kkt_instructions(void) { return numbers()->name; }
+
+#if !defined(KKT_SOURCES)
+#define KKT_SOURCES ""
+#endif
+
+const char *kkt_sources(void) { return KKT_SOURCES; }
+
+int kkt_use(const char *name) {
+    if (!strcmp(name, "baseline")) { chosen = &numeric_baseline; return 0; }
+#if defined(KKT_X86)
+    if (!strcmp(name, "avx2") && has(name)) { chosen = &numeric_avx2; return 0; }
+    if (!strcmp(name, "avx512") && has(name)) { chosen = &numeric_avx512; return 0; }
+#endif
+    return -1;
+}
+
+/* --- Memory. */
+
+static void forget_plan(kkt *s) {
+    plan_free(s->plan);
+    free(s->fronts);
+    free(s->waiting);
+    s->plan = NULL;
+    s->fronts = NULL;
+    s->waiting = NULL;
+}
+
+void kkt_free(kkt *s) {
+    if (!s) return;
+    forget_plan(s);
+    free(s->one); free(s->other); free(s->source); free(s->diagonal_source); free(s->stage); free(s->ordered_source);
+    free(s->ordered_diagonal); free(s->diagonal); free(s->value); free(s->scale); free(s->most); free(s->index);
+    free(s->local); free(s->inverse); free(s->kind); free(s->work);
+    for (int k = 0; k < 6; k++) free(s->vector[k]);
+    arena_free(&s->factors);
+    arena_free(&s->stack);
+    arena_free(&s->panel);
+    free(s);
+}
+
+static void *array(int64_t count, size_t size) { return calloc((size_t)count + 8, size); }
+
+kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays) {
+    kkt *s = calloc(1, sizeof *s);
+    if (!s) return NULL;
+    int64_t entries = 0;
+    s->n = pattern->n;
+    s->m = pattern->m;
+    s->size = pattern->n + pattern->m;
+    s->arrays = *arrays;
+    s->hess_count = pattern->hess_count;
+    s->jac_count = pattern->jac_count;
+    s->options = (kkt_options){1e-4, 1e300, 1e-13, 10, 0};
+    for (int64_t e = 0; e < pattern->hess_count; e++) entries += pattern->hess_rows[e] != pattern->hess_cols[e];
+    entries += pattern->jac_count;
+    s->entries = entries;
+    s->one = array(entries, sizeof(int32_t));
+    s->other = array(entries, sizeof(int32_t));
+    s->source = array(entries, sizeof(int32_t));
+    s->ordered_source = array(entries, sizeof(int32_t));
+    s->value = array(entries, sizeof(double));
+    s->diagonal_source = array(s->size, sizeof(int32_t));
+    s->ordered_diagonal = array(s->size, sizeof(int32_t));
+    s->stage = array(s->size, sizeof(int32_t));
+    s->diagonal = array(s->size, sizeof(double));
+    s->scale = array(s->size, sizeof(double));
+    s->most = array(s->size, sizeof(double));
+    s->inverse = array(3 * (int64_t)s->size, sizeof(double));
+    s->kind = array(s->size, 1);
+    int failed = !s->one || !s->other || !s->source || !s->ordered_source || !s->value || !s->diagonal_source
+                 || !s->ordered_diagonal || !s->stage || !s->diagonal || !s->scale || !s->most || !s->inverse || !s->kind;
+    for (int k = 0; k < 6; k++) failed |= !(s->vector[k] = array(s->size, sizeof(double)));
+    if (failed) { kkt_free(s); return NULL; }
+    memcpy(s->stage, pattern->stage, sizeof(int32_t) * (size_t)s->size);
+    for (int32_t i = 0; i < s->size; i++) s->diagonal_source[i] = -1;
+    int64_t put = 0;
+    for (int64_t e = 0; e < pattern->hess_count; e++) {
+        if (pattern->hess_rows[e] == pattern->hess_cols[e]) {
+            s->diagonal_source[pattern->hess_rows[e]] = (int32_t)e;
+            continue;
+        }
+        s->one[put] = pattern->hess_rows[e];
+        s->other[put] = pattern->hess_cols[e];
+        s->source[put++] = (int32_t)e;
+    }
+    for (int64_t e = 0; e < pattern->jac_count; e++) {
+        s->one[put] = s->n + pattern->jac_rows[e];
+        s->other[put] = pattern->jac_cols[e];
+        s->source[put++] = (int32_t)(pattern->hess_count + e);
+    }
+    return s;
+}
+
+/* --- The plan. */
+
+static int graph_of(const kkt *s, graph *g) {
+    g->size = s->size;
+    g->start = array(s->size + 1, sizeof(int64_t));
+    g->index = array(2 * s->entries, sizeof(int32_t));
+    g->entry = array(2 * s->entries, sizeof(int32_t));
+    if (!g->start || !g->index || !g->entry) return -1;
+    for (int64_t e = 0; e < s->entries; e++) {
+        g->start[s->one[e] + 1]++;
+        g->start[s->other[e] + 1]++;
+    }
+    for (int32_t i = 0; i < s->size; i++) g->start[i + 1] += g->start[i];
+    for (int64_t e = 0; e < s->entries; e++)
+        for (int side = 0; side < 2; side++) {
+            int32_t i = side ? s->other[e] : s->one[e], j = side ? s->one[e] : s->other[e];
+            int64_t put = g->start[i]++;
+            g->index[put] = j;
+            g->entry[put] = (int32_t)e;
+        }
+    for (int32_t i = s->size; i > 0; i--) g->start[i] = g->start[i - 1];
+    g->start[0] = 0;
+    return 0;
+}
+
+/* Magnitudes of the entries off the diagonal, of a matrix scaled so that each row's largest is near 1. */
+static int magnitudes(const kkt *s, double *magnitude) {
+    double *scale = array(s->size, sizeof(double)), *most = array(s->size, sizeof(double));
+    if (!scale || !most) { free(scale); free(most); return -1; }
+    for (int64_t e = 0; e < s->entries; e++) {
+        int32_t from = s->source[e];
+        magnitude[e] = fabs(from < s->hess_count ? s->arrays.hess[from] : s->arrays.jac[from - s->hess_count]);
+    }
+    for (int32_t i = 0; i < s->size; i++) scale[i] = 1.0;
+    for (int sweep = 0; sweep <= PLAN_SWEEPS; sweep++) {
+        for (int32_t i = 0; i < s->size; i++) {
+            double own = s->diagonal_source[i] >= 0 ? s->arrays.hess[s->diagonal_source[i]] : 0.0;
+            most[i] = fabs(own) * scale[i] * scale[i];
+        }
+        for (int64_t e = 0; e < s->entries; e++) {
+            double value = magnitude[e] * scale[s->one[e]] * scale[s->other[e]];
+            if (sweep == PLAN_SWEEPS) magnitude[e] = value;
+            if (value > most[s->one[e]]) most[s->one[e]] = value;
+            if (value > most[s->other[e]]) most[s->other[e]] = value;
+        }
+        for (int32_t i = 0; i < s->size; i++)
+            if (most[i] > 0.0 && most[i] < INFINITY) scale[i] /= sqrt(most[i]);
+    }
+    free(scale);
+    free(most);
+    return 0;
+}
+
+static int make_plan(kkt *s) {
+    graph g = {0};
+    double *magnitude = array(s->entries, sizeof(double));
+    forget_plan(s);
+    if (magnitude && !graph_of(s, &g) && !magnitudes(s, magnitude))
+        s->plan = plan_new(&g, s->entries, s->one, s->other, magnitude, s->n, s->stage);
+    free(g.start); free(g.index); free(g.entry); free(magnitude);
+    if (!s->plan) return -1;
+    s->fronts = array(s->plan->fronts, sizeof(factored));
+    s->waiting = array(s->plan->fronts, sizeof(contribution));
+    if (!s->fronts || !s->waiting) { forget_plan(s); return -1; }
+    for (int64_t e = 0; e < s->entries; e++) s->ordered_source[e] = s->source[s->plan->entry[e]];
+    for (int32_t k = 0; k < s->size; k++) {
+        s->ordered_diagonal[k] = s->diagonal_source[s->plan->order[k]];
+        s->scale[k] = 1.0;
+    }
+    s->wasted = 0.0;
+    s->allowed = WASTED * ldexp((double)s->plan->operations, s->facts.plans < 30 ? (int)s->facts.plans : 30);
+    s->facts.plans++;
+    s->facts.planned = s->plan->entries;
+    s->facts.fronts = s->plan->fronts;
+    return 0;
+}
+
+/* --- What callers call. */
+
+kkt_options *kkt_options_of(kkt *s) { return &s->options; }
+
+const kkt_facts *kkt_facts_of(const kkt *s) { return &s->facts; }
+
+static int is_finite(const kkt *s) {
+    double check = 0.0;
+    for (int64_t e = 0; e < s->hess_count; e++) check += s->arrays.hess[e] * 0.0;
+    for (int64_t e = 0; e < s->jac_count; e++) check += s->arrays.jac[e] * 0.0;
+    return check == 0.0;
+}
+
+int64_t kkt_refactor(kkt *const *system) {
+    kkt *s = *system;
+    int finite = 0;
+    s->factorized = 0;
+    if (!s->plan || s->options.replan || s->wasted > s->allowed) {
+        if (!is_finite(s)) return KKT_NOT_FINITE;
+        s->options.replan = 0;
+        if (make_plan(s)) return KKT_NO_MEMORY;
+    }
+    numbers()->load(s, &finite);
+    if (!finite) return KKT_NOT_FINITE;
+    s->facts.factorizations++;
+    int64_t ended = numbers()->refactor(s);
+    if (ended == KKT_NO_MEMORY) return ended;
+    s->wasted += (double)(s->facts.operations - s->plan->operations);
+    s->arrays.accuracy[0] = s->options.fine;
+    s->factorized = 1;
+    return ended;
+}
+
+int64_t kkt_solve(kkt *const *system) {
+    if (!(*system)->factorized) return -1;
+    numbers()->solve(*system, 0);
+    return 0;
+}
+
+int64_t kkt_solve_both(kkt *const *system) {
+    if (!(*system)->factorized) return -1;
+    numbers()->solve(*system, 1);
+    return 0;
+}

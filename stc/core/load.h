@@ -1,0 +1,91 @@
+/* The matrix in the order of elimination, scaled. */
+#ifndef STC_LOAD_H
+#define STC_LOAD_H
+
+#include "system.h"
+#include "vectors.h"
+
+/* A scale serves as long as the largest entries of all rows are within this factor of 1; and sweeps to find one. */
+#define STALE 4.0
+#define GOOD 2.0
+#define SWEEPS 12
+#define SMALLEST_SCALE 1e-100
+#define LARGEST_SCALE 1e100
+
+/* Largest entry of each row of S K S. */
+static void largest_of_rows(const kkt *s, double *restrict most) {
+    const plan *p = s->plan;
+    const double *scale = s->scale;
+    for (int32_t k = 0; k < s->size; k++) most[k] = fabs(s->diagonal[k]) * scale[k] * scale[k];
+    for (int32_t k = 0; k < s->size; k++) {
+        double own = scale[k], highest = most[k];
+        for (int64_t e = p->entry_start[k]; e < p->entry_start[k + 1]; e++) {
+            int32_t r = p->entry_row[e];
+            double value = fabs(s->value[e]) * own * scale[r];
+            highest = value > highest ? value : highest;
+            most[r] = value > most[r] ? value : most[r];
+        }
+        most[k] = highest;
+    }
+}
+
+/* Scale rows and columns alike until the largest entries of all rows are near 1 (Ruiz 2001).  The last scale is kept
+ * where it serves, otherwise another one is found from ones: rows and columns would drift apart. */
+static void equilibrate(kkt *s) {
+    double spread = 1.0, *most = s->most;
+    largest_of_rows(s, most);
+    for (int32_t k = 0; k < s->size; k++) {
+        double value = most[k] > 0.0 ? most[k] : 1.0;
+        double far = value > 1.0 ? value : 1.0 / value;
+        spread = far > spread ? far : spread;
+    }
+    if (spread > STALE) {
+        for (int32_t k = 0; k < s->size; k++) s->scale[k] = 1.0;
+        for (int sweep = 0; sweep < SWEEPS; sweep++) {
+            double low = LARGEST_SCALE, high = 0.0;
+            largest_of_rows(s, most);
+            for (int32_t k = 0; k < s->size; k++) {
+                double value = most[k];
+                high = value > high ? value : high;
+                value = value > 0.0 ? value : 1.0;
+                low = value < low ? value : low;
+            }
+            if (high < GOOD && low * GOOD > 1.0) break;
+            for (int32_t k = 0; k < s->size; k++) {
+                double value = s->scale[k] / sqrt(most[k] > 0.0 ? most[k] : 1.0);
+                value = value < SMALLEST_SCALE ? SMALLEST_SCALE : value;
+                s->scale[k] = value > LARGEST_SCALE ? LARGEST_SCALE : value;
+            }
+            if (high < GOOD * GOOD * low) break;
+        }
+    }
+    for (int32_t k = 0; k < s->size; k++) {
+        double own = s->scale[k];
+        s->diagonal[k] *= own * own;
+        for (int64_t e = s->plan->entry_start[k]; e < s->plan->entry_start[k + 1]; e++)
+            s->value[e] *= own * s->scale[s->plan->entry_row[e]];
+    }
+}
+
+/* Values of H, J, p and d to their places, not scaled yet. */
+static void load_values(kkt *s, int *finite) {
+    const double *hess = s->arrays.hess, *jac = s->arrays.jac - s->hess_count;
+    double check = 0.0;
+    for (int32_t k = 0; k < s->size; k++) {
+        int32_t i = s->plan->order[k], from = s->ordered_diagonal[k];
+        double value = i < s->n ? s->arrays.primal[i] : -s->arrays.dual[i - s->n];
+        if (from >= 0) value += hess[from];
+        check += value * 0.0;
+        s->diagonal[k] = value;
+    }
+    for (int64_t e = 0; e < s->entries; e++) {
+        int32_t from = s->ordered_source[e];
+        double value = from < s->hess_count ? hess[from] : jac[from];
+        check += value * 0.0;
+        s->value[e] = value;
+    }
+    *finite = check == 0.0;
+    if (*finite) equilibrate(s);
+}
+
+#endif

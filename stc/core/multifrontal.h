@@ -1,0 +1,164 @@
+/* All fronts, one after the other: assembled from the matrix and from what their children have left, and eliminated. */
+#ifndef STC_MULTIFRONTAL_H
+#define STC_MULTIFRONTAL_H
+
+#include <stdlib.h>
+
+#include "front.h"
+#include "singular.h"
+
+/* Columns are so many numbers apart: whole lines, and not all on the same lines of a cache. */
+static inline int32_t stride_of(int32_t size) {
+    int32_t stride = padded(size);
+    return stride % 64 == 0 ? stride + 8 : stride;
+}
+
+/* Columns of a front that there is memory for: whole tiles are written. */
+static inline int64_t columns_of(int32_t size) { return padded(size); }
+
+/* Add what a child has left, `place` saying where each of its unknowns is; `runs` is work space. */
+static void add_contribution(double *restrict at, int64_t stride, const double *restrict given, const contribution *c,
+                             const int32_t *restrict place, int32_t *restrict runs) {
+    int32_t size = c->size, count = 0;
+    for (int32_t i = 0; i < size; i++)
+        if (i == 0 || place[i] != place[i - 1] + 1) runs[count++] = i;
+    runs[count] = size;
+    for (int32_t j = 0, first = 0; j < size; j++) {
+        double *to = at + place[j] * stride;
+        const double *from = given + (int64_t)j * c->stride;
+        if (runs[first + 1] <= j) first++;
+        for (int32_t r = first, i = j; r < count; r++) {
+            double *run = to + place[i] - i;
+            int32_t end = runs[r + 1];
+            for (; i + LANES <= end; i += LANES) *(lanes *)(run + i) += *(const lanes *)(from + i);
+            for (; i < end; i++) run[i] += from[i];
+        }
+    }
+}
+
+/* Where a front and what it leaves go: enough room for all of it, or -1. */
+static int reserve(kkt *s, int32_t size, int64_t factors_used, int64_t stack_used, int64_t index_used) {
+    int64_t stride = stride_of(size), all = stride * columns_of(size);
+    if (arena_reserve(&s->factors, factors_used + all, factors_used)) return -1;
+    if (arena_reserve(&s->stack, stack_used + all, stack_used)) return -1;
+    if (arena_reserve(&s->panel, (PANEL + 2) * stride, 0)) return -1;
+    if (index_used + size > s->index_room) {
+        int64_t room = 2 * (index_used + size) + 64;
+        int32_t *larger = realloc(s->index, sizeof(int32_t) * (size_t)room);
+        if (!larger) return -1;
+        s->index = larger;
+        s->index_room = room;
+    }
+    if (2 * size + 2 > s->local_room) {
+        int32_t *larger = realloc(s->local, sizeof(int32_t) * (size_t)(4 * size + 4));
+        if (!larger) return -1;
+        s->local = larger;
+        s->local_room = 4 * size + 4;
+    }
+    return 0;
+}
+
+static int64_t factorize_all(kkt *s) {
+    const plan *p = s->plan;
+    int64_t factors_used = 0, stack_used = 0, index_used = 0, entries = 0, operations = 0, delayed_in_all = 0;
+    int32_t waiting = 0, pivots = 0, widest = 0;
+    front f = {.threshold = s->options.threshold, .order = p->order, .variables = s->n};
+    for (int32_t at = 0; at < p->fronts; at++) {
+        int32_t first = p->first[at], own = p->first[at + 1] - first, delayed = 0;
+        int32_t rows = (int32_t)(p->row_start[at + 1] - p->row_start[at]);
+        for (int32_t c = 0; c < p->children[at]; c++) delayed += s->waiting[waiting - 1 - c].delayed;
+        int32_t size = delayed + own + rows, stride = stride_of(size);
+        if (reserve(s, size, factors_used, stack_used, index_used)) return KKT_NO_MEMORY;
+        f.at = s->factors.at + factors_used;
+        f.stride = stride;
+        f.size = size;
+        f.summed = delayed + own;
+        f.eliminated = 0;
+        f.index = s->index + index_used;
+        f.inverse = s->inverse + 3 * (int64_t)pivots;
+        f.kind = s->kind + pivots;
+        f.panel = s->panel.at;
+        for (int32_t j = 0; j < columns_of(size); j++) {
+            int32_t from = j & ~7;
+            memset(f.at + (int64_t)j * stride + from, 0, sizeof(double) * (size_t)(stride - from));
+        }
+        for (int32_t k = 0; k < own; k++) f.index[delayed + k] = first + k;
+        memcpy(f.index + f.summed, p->rows + p->row_start[at], sizeof(int32_t) * (size_t)rows);
+        for (int32_t k = 0; k < own; k++) {
+            double *column = f.at + (int64_t)(delayed + k) * stride + delayed;
+            column[k] = s->diagonal[first + k];
+            for (int64_t e = p->entry_start[first + k]; e < p->entry_start[first + k + 1]; e++)
+                column[p->entry_local[e]] = s->value[e];
+        }
+        for (int32_t c = 0, put = 0; c < p->children[at]; c++) {
+            const contribution *child = &s->waiting[--waiting];
+            const int32_t *local = p->local + p->row_start[child->front] - child->delayed;
+            for (int32_t k = 0; k < child->delayed; k++) {
+                f.index[put] = s->index[child->index_at + k];
+                s->local[k] = put++;
+            }
+            for (int32_t k = child->delayed; k < child->size; k++) s->local[k] = delayed + local[k];
+            add_contribution(f.at, stride, s->stack.at + child->at, child, s->local, s->local + s->local_room / 2);
+            stack_used = child->at;
+        }
+        eliminate(&f);
+        int32_t taken = f.eliminated;
+        if (p->parent[at] < 0 && taken < size) { /* not a number, or overflowed: give up on what is left */
+            for (int32_t k = taken; k < size; k++) {
+                double *column = f.at + (int64_t)k * stride;
+                memset(column, 0, sizeof(double) * (size_t)stride);
+                column[k] = 1.0;
+                f.inverse[3 * k] = (p->order[f.index[k]] < s->n ? 1.0 : -1.0) / REPLACEMENT;
+                f.inverse[3 * k + 1] = f.inverse[3 * k + 2] = 0.0;
+                f.kind[k] = ONE;
+                f.zero++;
+            }
+            taken = size;
+        }
+        factored *kept = &s->fronts[at];
+        kept->factor_at = factors_used;
+        kept->index_at = index_used;
+        kept->stride = stride;
+        kept->size = size;
+        kept->eliminated = taken;
+        kept->first = pivots;
+        pivots += taken;
+        factors_used += (int64_t)stride * taken;
+        index_used += size;
+        widest = size > widest ? size : widest;
+        delayed_in_all += f.summed - taken;
+        entries += (int64_t)taken * size - (int64_t)taken * (taken - 1) / 2;
+        for (int32_t k = 0; k < taken; k++) operations += (int64_t)(size - k) * (size - k - 1) / 2;
+        if (p->parent[at] >= 0) {
+            contribution *c = &s->waiting[waiting++];
+            c->size = size - taken;
+            c->delayed = f.summed - taken;
+            c->stride = stride_of(c->size);
+            c->at = stack_used;
+            c->index_at = kept->index_at + taken;
+            c->front = at;
+            for (int32_t j = 0; j < c->size; j++)
+                memcpy(s->stack.at + stack_used + (int64_t)j * c->stride + j,
+                       f.at + (int64_t)(taken + j) * stride + taken + j, sizeof(double) * (size_t)(c->size - j));
+            stack_used += (int64_t)c->stride * c->size;
+        }
+    }
+    if (2 * (int64_t)padded(widest) + 64 > s->work_room) {
+        free(s->work);
+        s->work_room = 2 * (int64_t)padded(widest) + 64;
+        s->work = malloc(sizeof(double) * (size_t)s->work_room);
+        if (!s->work) { s->work_room = 0; return KKT_NO_MEMORY; }
+    }
+    s->facts.entries = entries;
+    s->facts.operations = operations;
+    s->facts.delayed = delayed_in_all;
+    s->facts.pairs = f.pairs;
+    s->arrays.inertia[0] = f.positive;
+    s->arrays.inertia[1] = f.negative;
+    s->arrays.inertia[2] = f.zero;
+    confirm_zeros(s);
+    s->facts.replaced = s->arrays.inertia[2];
+    return s->arrays.inertia[2] ? KKT_SINGULAR : KKT_OK;
+}
+
+#endif

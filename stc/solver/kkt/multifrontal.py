@@ -1,0 +1,152 @@
+"""The KKT system factorised by the core (``stc/core/kkt.h``): a multifrontal LDL^T with threshold pivoting."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.arrays import ranks
+from stc.codegen.calls import Bound
+from stc.core import library as core
+from stc.solver.kkt.contract import FINE, Inertia, NotFinite
+from stc.solver.kkt.entries import ByCopies
+from stc.solver.nlp import Ints
+
+__all__ = ["MultifrontalKKT"]
+
+#: What a factorisation returns.
+SINGULAR, NOT_FINITE, NO_MEMORY = 1, 2, 3
+#: Where a solve leaves a larger relative residual than DOUBTFUL, the matrix is factorised again with larger pivot
+#: thresholds, up to the highest.
+DOUBTFUL = 1e-9
+THRESHOLD, HIGHEST_THRESHOLD = 1e-4, 0.3
+#: Where small pivots are trusted, those that exceed the noise in them so many times are not zero.
+CERTAIN, NEVER = 1e3, 1e300
+
+
+class MultifrontalKKT(ByCopies):
+    """Sparse LDL^T over a tree of fronts.  See ``AttachedKKT`` for the arguments and members."""
+
+    def __init__(
+        self,
+        n: int,
+        m: int,
+        jac_rows: Ints,
+        jac_cols: Ints,
+        hess_rows: Ints,
+        hess_cols: Ints,
+        var_stage: Ints,
+        row_stage: Ints,
+        held: NDArray[np.bool_] | None = None,
+        equations: NDArray[np.bool_] | None = None,
+    ) -> None:
+        self.n, self.m = n, m
+        size = n + m
+        given = np.concatenate([np.asarray(part).astype(np.int64) for part in (var_stage, row_stage)])
+        stage = ranks(given)[0] if given.size else given
+        rows = [
+            np.ascontiguousarray(part, dtype=np.int32)
+            for part in (hess_rows, hess_cols, jac_rows, jac_cols, stage)
+        ]
+        self.hess, self.jac = np.zeros(rows[0].size), np.zeros(rows[2].size)
+        self.primal, self.dual = np.zeros(n), np.zeros(m)
+        self.rhs, self.second_rhs = np.zeros(size), np.zeros(size)
+        self.solution, self.second_solution = np.zeros(size), np.zeros(size)
+        self.report, self.accuracy = np.zeros(3), np.full(1, FINE)
+        self.inertia = np.zeros(3, dtype=np.int64)
+        self.last_residual = 0.0
+        self._factorized = False
+        self._counted_before = 0
+        lib = core.library()
+        pattern = core.Pattern(n, m, self.hess.size, self.jac.size, *(part.ctypes.data for part in rows))
+        arrays = core.Arrays(
+            *(
+                part.ctypes.data
+                for part in (
+                    self.hess, self.jac, self.primal, self.dual, self.rhs, self.second_rhs, self.solution,
+                    self.second_solution, self.report, self.accuracy, self.inertia,
+                )
+            )
+        )  # fmt: skip
+        system = lib.kkt_new(ctypes.byref(pattern), ctypes.byref(arrays))
+        if not system:
+            raise MemoryError("there is no memory for a linear system of this size")
+        weakref.finalize(self, lib.kkt_free, system).atexit = False
+        self._options = lib.kkt_options_of(system).contents
+        self._facts = lib.kkt_facts_of(system).contents
+        self._refactor, self._solve, self._solve_both = (
+            Bound.of_native(function, [system], self)
+            for function in (lib.kkt_refactor, lib.kkt_solve, lib.kkt_solve_both)
+        )
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all matrices, as if new, but not the plan."""
+        self._counted_before = self._facts.factorizations
+        self._options.threshold, self._options.certain = THRESHOLD, NEVER
+        self.last_residual = 0.0
+        self._factorized = False
+
+    def trust_small_pivots(self, trusted: bool) -> None:
+        """See ``AttachedKKT.trust_small_pivots``."""
+        self._options.certain = CERTAIN if trusted else NEVER
+
+    @property
+    def factorizations(self) -> int:
+        """See ``KKTSystem.factorizations``."""
+        return int(self._facts.factorizations - self._counted_before)
+
+    @property
+    def nnz_factor(self) -> int:
+        """See ``KKTSystem.nnz_factor``."""
+        return int(self._facts.entries)
+
+    @property
+    def operations(self) -> int:
+        """Additions and multiplications of the last factorisation."""
+        return 2 * int(self._facts.operations)
+
+    @property
+    def factor_bytes(self) -> int:
+        """Memory that the last factorisation fills, about."""
+        return 8 * int(self._facts.entries)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory held, about."""
+        return 12 * int(self._facts.entries) + 40 * (self.hess.size + self.jac.size) + 120 * self.rhs.size
+
+    @property
+    def attempt_call(self) -> Bound | None:
+        """See ``AttachedKKT.attempt_call``."""
+        return self._refactor if self._factorized else None
+
+    def refactor(self) -> Inertia:
+        """See ``AttachedKKT.refactor``."""
+        self._factorized = False
+        return self.resume(self._refactor())
+
+    def resume(self, ended: int) -> Inertia:
+        """See ``AttachedKKT.resume``."""
+        self._factorized = False
+        if ended == NOT_FINITE:
+            raise NotFinite("the KKT matrix has entries that are not finite")
+        if ended == NO_MEMORY:
+            raise MemoryError("there is no memory for the factors of a linear system")
+        self._factorized = True
+        return Inertia(*self.inertia.tolist())
+
+    def check_solution(self) -> bool:
+        """See ``AttachedKKT.check_solution``."""
+        threshold = THRESHOLD
+        while self.report[0] > DOUBTFUL and threshold < HIGHEST_THRESHOLD and self.inertia[2] == 0:
+            threshold = min(100.0 * threshold, HIGHEST_THRESHOLD)
+            self._options.threshold = threshold
+            self.refactor()
+            self._solve()
+        self._options.threshold = THRESHOLD  # the next matrix may not need it
+        self.last_residual = float(self.report[0])
+        return threshold > THRESHOLD

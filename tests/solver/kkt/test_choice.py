@@ -1,0 +1,38 @@
+"""Wide stages are for the core; without one, everything is solved all the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from solver.kkt.kkt_problems import Builder, Pattern, generic
+from solver.kkt.test_contract import check
+
+from stc.core import library as core
+from stc.solver.kkt import FrontalKKT
+from stc.solver.kkt.choice import new_system
+from stc.solver.kkt.multifrontal import MultifrontalKKT
+
+
+def irregular(rng: np.random.Generator, frames: int, width: int) -> Pattern:
+    """Frames that couple with the one before, each in its own way, so that nothing repeats."""
+    b = Builder(rng)
+    x = [b.variables(width, i) for i in range(frames)]
+    for i in range(frames):
+        b.curvature(x[i], 0.2)
+        for _ in range(width // 2):
+            near = [*x[i], *(x[i - 1] if i else [])]
+            b.row(i, list(rng.choice(near, size=4, replace=False)))
+    return b.pattern()
+
+
+@pytest.mark.parametrize("there", [True, False], ids=["with the core", "without"])
+def test_wide_stages(monkeypatch, there):
+    if there and not core.is_there():
+        pytest.skip("the package was installed without its core")
+    monkeypatch.setattr(core, "is_there", lambda: there)
+    rng = np.random.default_rng(8)
+    pattern = irregular(rng, 6, 60)
+    held, equations = np.zeros(pattern.n, dtype=bool), np.zeros(pattern.m, dtype=bool)
+    kkt = new_system(*pattern.arguments(), held, equations)
+    assert isinstance(kkt, MultifrontalKKT if there else FrontalKKT)
+    check(kkt, pattern, generic(rng, pattern), rng)
