@@ -26,7 +26,7 @@ __all__ = ["MOST_BYTES", "SUFFIXES", "TIME", "DataError", "DataSet", "files_of",
 FloatArray = NDArray[np.float64]
 
 #: What the names of files of numbers end in.
-SUFFIXES = (".csv", ".npz")
+SUFFIXES = (".csv", ".tsv", ".npz")
 #: A file of numbers may be so large: solutions carry it whole.
 MOST_BYTES = 2**25
 #: The column that tells when each row was measured, in seconds.
@@ -130,7 +130,9 @@ def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]
     mark = next((mark for mark in (",", ";", "\t") if mark in heading), ",")
     numbers = [number for number, _ in kept]
     try:
-        names, *rows = csv.reader((line for _, line in kept), delimiter=mark, strict=True)
+        names, *rows = csv.reader(
+            (line for _, line in kept), delimiter=mark, skipinitialspace=True, strict=True
+        )
     except csv.Error as error:
         raise DataError(f"`{path}` is no table ({error})", _QUOTES) from None
     if len(rows) + 1 != len(kept):

@@ -277,7 +277,7 @@ class Model:
         constants: Mapping[str, float],
     ) -> Solution:
         """What :meth:`solve` does within its time limit; arguments as there."""
-        begin = time.perf_counter()
+        begin, worked = time.perf_counter(), time.thread_time()
         parse_seconds, self._parse_seconds = self._parse_seconds, 0.0  # counts for the first solve only
         if callback is not None and not callable(callback):
             raise UsageError(f"the callback must be a function, not {callback!r}")
@@ -315,6 +315,7 @@ class Model:
         seconds["solve"] += time.perf_counter() - solving
         self.warnings = tuple(problem.warnings)
         seconds["total"] = parse_seconds + time.perf_counter() - begin
+        seconds["processor"] = time.thread_time() - worked
         return collect(transcription, result, problem.constants, given, seconds, optimizer)
 
     def on_fewer_frames(

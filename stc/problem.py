@@ -140,6 +140,14 @@ class FrameRange:
 
 
 @dataclass(frozen=True, slots=True)
+class NamedFrame:
+    """A frame that the text of a spec names, in a range header or as an index such as ``x[20]``."""
+
+    frame: int
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
 class Relation:
     """``lower <= body <= upper`` on every frame of a range.
 
@@ -311,6 +319,8 @@ class Problem:
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
+    ``named`` are the frames that the text names, in its order, which does not depend on n.  Statements that contacts
+    and poses stand for name none of their own.
     """
 
     name: str
@@ -344,3 +354,4 @@ class Problem:
     corrections: Sequence[Correction] = ()
     data: Mapping[str, DataSet] = field(default_factory=dict)
     tables: Mapping[str, TableRef] = field(default_factory=dict)
+    named: Sequence[NamedFrame] = ()

@@ -6,17 +6,15 @@ same in both.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.errors import Span, UsageError
+from stc.errors import UsageError
 from stc.phases import resolved, stretches
 from stc.problem import ConstantRef, IndexRef, ObjectiveTerm, ParameterRef, Problem, TimeRef, VariableRef
 from stc.symbolic.expr import Expr, evaluate, render, symbols
 
-__all__ = ["BESIDE", "check_same_motion", "named_frames", "takes_longer"]
+__all__ = ["BESIDE", "check_same_motion", "takes_longer"]
 
 FloatArray = NDArray[np.float64]
 Knots = NDArray[np.int_] | FloatArray
@@ -38,16 +36,14 @@ def check_same_motion(problem: Problem, other: Problem, old: Knots, new: Knots) 
     Raises:
         UsageError: the other problem does not state the same motion; the message says where.
     """
-    named, moved = list(named_frames(problem)), list(named_frames(other))
-    if len(named) != len(moved):
+    if len(problem.named) != len(other.named):
         raise UsageError(f"{problem.name} reads other frames with n = {other.n} than with n = {problem.n}")
-    for (frame, span), (there, _) in zip(named, moved, strict=True):
-        if not _scales(frame, there, old, new):
-            place = span.location if span is not None else problem.name
+    for one, there in zip(problem.named, other.named, strict=True):
+        if not _scales(one.frame, there.frame, old, new):
             raise UsageError(
-                f"{place}: frame {frame:g} of {problem.n} would be frame {there:g} of {other.n}: "
+                f"{one.span.location}: frame {one.frame} of {problem.n} would be frame {there.frame} of {other.n}: "
                 "it does not keep its share of the motion",
-                f"write frame numbers as shares of n, here `{frame:g}/{problem.n}*n`, or as constants "
+                f"write frame numbers as shares of n, here `{one.frame}/{problem.n}*n`, or as constants "
                 "such as `a = n/2`",
             )
     if len(problem.objective) != len(other.objective):
@@ -74,36 +70,6 @@ def _scales(frame: float, other: float, old: Knots, new: Knots) -> bool:
         if old[0] <= at <= old[-1] and abs(np.interp(at, old, new) + beside - other) <= CLOSE * old[-1]:
             return True
     return False
-
-
-def named_frames(problem: Problem) -> Iterator[tuple[float, Span | None]]:
-    """Every frame number that a spec names, in an order that does not depend on n."""
-    for relation in problem.relations:
-        yield float(relation.range.first), relation.range.span or relation.span
-        yield float(relation.range.last), relation.range.span or relation.span
-        for bound in (relation.body, relation.lower, relation.upper):
-            yield from _absolute(bound, relation.span)
-    for term in problem.objective:
-        yield float(term.range.first), term.range.span or term.span
-        yield float(term.range.last), term.range.span or term.span
-        yield from _absolute(term.body, term.span)
-    for guess in problem.guesses:
-        yield float(guess.range.first), guess.range.span or guess.span
-        yield float(guess.range.last), guess.range.span or guess.span
-    for pieces in problem.definitions.values():
-        for piece in pieces:
-            yield float(piece.range.first), piece.range.span or piece.span
-            yield float(piece.range.last), piece.range.span or piece.span
-            yield from _absolute(piece.body, piece.span)
-    for jump in problem.jumps:
-        yield float(jump.frame), jump.span
-
-
-def _absolute(body: Expr | None, span: Span) -> Iterator[tuple[float, Span | None]]:
-    """Absolute indices such as ``x[20]``."""
-    keys = [] if body is None else [k for k in symbols(body) if isinstance(k, VariableRef) and k.scale == 0]
-    for key in sorted(keys, key=lambda k: (k.name, k.order, float(k.shift))):
-        yield float(key.shift), span
 
 
 def frame_times(problem: Problem, trial: float) -> FloatArray:

@@ -119,7 +119,8 @@ class Solution:
         factorizations: number of factorised KKT systems, inner loops included.
         strategy: what the solver tried last, and found the answer by if there is one; empty in one read from a file.
         optimizer: name of the method that found it.
-        seconds: wall time by stage (``parse``, ``derive``, ``compile``, ``solve``, ``total``).
+        seconds: wall time by stage (``parse``, ``derive``, ``compile``, ``solve``, ``total``), and ``processor``: what
+            of a processor's time it took, in the thread that solved.
         x: (N,) the unknowns as the solver ordered them.
         row_multipliers: (M,) multipliers of the rows in the solver's order.
         bound_multipliers: (N,) multipliers of the bounds in the solver's order.

@@ -136,7 +136,7 @@ class Comparison:
 
 def times(solution: Solution) -> str:
     """The seconds of a solve, in all and by stage."""
-    seconds = dict(solution.seconds)
+    seconds = {stage: value for stage, value in solution.seconds.items() if stage != "processor"}
     total = seconds.pop("total", sum(seconds.values()))
     stages = ", ".join(f"{stage} {value:.3f}" for stage, value in seconds.items())
     return f"{total:.3f} s ({stages})" if stages else f"{total:.3f} s"

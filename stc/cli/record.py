@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stc.solution import Solution
 
 #: Stages of a solve that are timed.
-STAGES = ("parse", "derive", "compile", "solve", "total")
+STAGES = ("parse", "derive", "compile", "solve", "total", "processor")
 
 Record = dict[str, Any]
 

@@ -19,13 +19,13 @@ from stc.symbolic.tables import (
     BUCKET,
     BUCKETS,
     COEFFICIENTS,
+    FIRST,
     LAST,
     LOWEST,
     ORDER,
     ORIGIN,
     ROW,
     SCALE,
-    SLOT,
     STEP,
     TOLD,
 )
@@ -220,7 +220,7 @@ class Lowering:
         return self.program.emit(READ, place, self.program.constant(float(k)))
 
     def _piece(self, x: int, table: int, axis: int, search: int) -> tuple[int, int]:
-        """The slot of the piece that x lies in along an axis, and what x is more than where its variable is zero."""
+        """The number of the piece that x lies in along an axis, and what x is more than where its variable is zero."""
         emit, constant = self.program.emit, self.program.constant
         offset = emit("sub", x, self._read(table, axis + LOWEST))
         scaled = emit("mul", offset, self._read(table, axis + SCALE))
@@ -231,16 +231,15 @@ class Lowering:
         buckets = emit("add", table, self._read(table, axis + BUCKETS))
         if search <= TOLD:
             bucket = emit("add", buckets, emit("mul", piece, constant(float(BUCKET))))
-            slot, zero = self._read(bucket, SLOT), self._read(bucket, 0)
+            piece, zero = self._read(bucket, FIRST), self._read(bucket, 0)
             before = zero
-            for k in range(search):
+            for k in range(1, search + 1):
                 place = self._read(bucket, k)
                 there = emit(REACHES, place, x)
-                slot = emit("add", slot, emit("mul", constant(2.0), there) if k else there)
-                if k:
-                    zero = emit("add", zero, emit("mul", there, emit("sub", place, before)))
+                piece = emit("add", piece, there)
+                zero = emit("add", zero, emit("mul", there, emit("sub", place, before)))
                 before = place
-            return slot, emit("sub", x, zero)
+            return piece, emit("sub", x, zero)
         begins = emit("add", table, self._read(table, axis + BEGINS))
         piece = self._read(emit("add", buckets, piece), 0)
         for step in reversed(range(search - TOLD)):

@@ -17,6 +17,10 @@ from stc.language.words import FUNCTION_ADVICE, RESERVED
 MOST_FRAMES = 1e8
 
 
+#: How a mistake begins that a name which has no fixed value is.
+CANNOT_USE = "a constant cannot use"
+
+
 class Constants:
     """Every constant's value (None where a mistake left it without one), and what it was made from."""
 
@@ -136,10 +140,10 @@ class Constants:
                 if kind != "definition"
                 else "make it a constant too"
             )
-            raise NotANumber(node, f"a constant cannot use the {kind} `{name}`", hint)
+            raise NotANumber(node, f"{CANNOT_USE} the {kind} `{name}`", hint)
         if name in ("t", "i"):
             hint = "define the name under `definitions:` instead"
-            raise NotANumber(node, f"a constant cannot use `{name}`, {RESERVED[name]}", hint)
+            raise NotANumber(node, f"{CANNOT_USE} `{name}`, {RESERVED[name]}", hint)
         raise self.undeclared(node)
 
     def undeclared(self, node: syntax.Name, meant: str = "") -> NotANumber | Unknown:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.data_sets import TIME, DataError, DataSet, read_file
 from stc.language import syntax
-from stc.language.constants import Constants
+from stc.language.constants import CANNOT_USE, Constants
 from stc.language.data_made import (
     MOST_CELLS,
     NEAR_HINT,
@@ -27,6 +28,7 @@ from stc.language.data_made import (
 from stc.language.diagnostics import Diagnostics, did_you_mean, shortened
 from stc.language.name_table import DATA_SET, NameTable
 from stc.language.numbers import NotANumber, Unknown, affine
+from stc.language.turned import TURNS, remark, unwrapped
 from stc.symbolic.tables import KINDS, OUTSIDE, Table, TableRef, interpolated
 
 __all__ = ["Data"]
@@ -58,6 +60,7 @@ class Data:
         self.structural: set[str] = set()
         self._references: dict[tuple[str, str], tuple[TableRef, TableRef, bool] | None] = {}
         self._damaged: set[str] = set()
+        self._leaping: set[tuple[str, str]] = set()
         tables: list[syntax.TableDefinition] = []
         for block in tree.blocks("data"):
             for statement in block.statements:
@@ -76,7 +79,7 @@ class Data:
             return  # it is declared twice, which has been noted
         try:
             if isinstance(statement, syntax.DataFile):
-                found: DataSet | None = self._file(statement)
+                found = self._file(statement)
             elif isinstance(statement, syntax.DataKeyframes):
                 found = self._keyframes(statement)
             else:
@@ -89,14 +92,51 @@ class Data:
         else:
             self.sets[name] = found
 
-    def _file(self, statement: syntax.DataFile) -> DataSet:
+    def _file(self, statement: syntax.DataFile) -> DataSet | None:
         key = "data", statement.name.name
         known = self.tree.models.get(key)
         if not isinstance(known, DataSet):
             source = self.tree.source
             content = found_beside(statement.path, source.path, source.carried)
             known = self.tree.models[key] = read_file(statement.name.name, statement.path, content)
-        return known
+        columns = dict(known.columns)
+        structural: set[str] = set()
+        for path, written in statement.unwrapped:
+            name, turn = plain_path(path.name), TURNS[0][0]
+            if name not in columns:
+                self.diagnostics.error(*_no_column(known, name, path))
+                return None
+            if written is not None:
+                value = self._number(written)
+                if value is None:
+                    return None
+                if not value > 0.0:
+                    message = f"a whole turn is {value:g}"
+                    self.diagnostics.error(message, written.start, written.end, "write 360, or 2*pi")
+                    return None
+                turn = value
+                structural |= self._used([written])
+            if columns[name].ndim == 1:
+                columns[name] = unwrapped(columns[name], turn)
+        return replace(known, columns=columns, structural=frozenset(structural))
+
+    def _used(self, cells: Iterable[syntax.Expression]) -> frozenset[str]:
+        """The constants that some numbers were worked out from, which are noted."""
+        used = {name for cell in cells for name in syntax.names(cell) if name in self.constants.values}
+        for name in used:
+            if name in self.names.entries:
+                self.names.entries[name].used = True
+        structural = frozenset(each for name in used for each in self.constants.made_from(name))
+        self.structural |= structural
+        return structural
+
+    def warn_of_leaps(self, data: str, column: str, start: int, end: int) -> None:
+        """Tell once of a column that is followed or measured and leaps by whole turns."""
+        if (data, column) not in self._leaping:
+            self._leaping.add((data, column))
+            found = remark(self.sets[data], column)
+            if found is not None:
+                self.diagnostics.warning(found[0], start, end, found[1])
 
     def _keyframes(self, statement: syntax.DataKeyframes) -> DataSet | None:
         """The keyframes of the model: its coordinates, angular velocities and controls at their times."""
@@ -122,18 +162,7 @@ class Data:
                 if value is None:
                     return None
                 numbers[k, j] = value
-        used = {
-            name
-            for row in statement.rows
-            for cell in row
-            for name in syntax.names(cell)
-            if name in self.constants.values
-        }
-        for name in used:
-            if name in self.names.entries:
-                self.names.entries[name].used = True
-        structural = frozenset(each for name in used for each in self.constants.made_from(name))
-        self.structural |= structural
+        structural = self._used(cell for row in statement.rows for cell in row)
         columns = {name: numbers[:, j].copy() for j, name in enumerate(names)}
         return DataSet(statement.name.name, columns, structural=structural)
 
@@ -141,7 +170,11 @@ class Data:
         try:
             value = affine(cell, self.constants.resolve)[1]
         except NotANumber as problem:
-            self.diagnostics.error(problem.message, problem.node.start, problem.node.end, problem.hint)
+            message, hint = problem.message, problem.hint
+            if message.startswith(CANNOT_USE):
+                message = f"a row of data cannot use{message.removeprefix(CANNOT_USE)}"
+                hint = "rows are made of constants; what is unknown goes where they are used, as in `p*f(x)`"
+            self.diagnostics.error(message, problem.node.start, problem.node.end, hint)
             return None
         except Unknown:
             return None
@@ -244,7 +277,9 @@ class Data:
         for path, column in zip(statement.columns, columns, strict=True):
             if not self._complete(path, column):
                 return None
-        if not self._rising(statement.columns[0], columns[0]):
+        if _falls(x):
+            x, y = x[::-1], y[::-1]
+        elif not self._rising(statement.columns[0], columns[0]):
             return None
         return checked(interpolated([x], y, kind, outside))
 
@@ -309,15 +344,25 @@ class Data:
         if values.ndim == 2:
             if not all(self._complete(p, c) for p, c in zip(paths, columns, strict=True)):
                 return None
-            if not (self._rising(paths[0], columns[0]) and self._rising(paths[1], columns[1])):
-                return None
+            for path, column in zip(paths[:2], columns[:2], strict=True):
+                if not (_falls(column[2]) or self._rising(path, column)):
+                    return None
             if values.shape != (len(x), len(y)):
                 message = (
                     f"`{paths[2].name}` has the shape {values.shape}, and its arguments have "
                     f"{len(x)} and {len(y)} numbers"
                 )
-                self.diagnostics.error(message, paths[2].start, paths[2].end)
+                hint = (
+                    "it has a row for each number of the first argument, and a column for each of the second"
+                )
+                if values.shape == (len(y), len(x)):
+                    hint += f": write `table({paths[1].name}, {paths[0].name}, {paths[2].name})`, and the arguments so"
+                self.diagnostics.error(message, paths[2].start, paths[2].end, hint)
                 return None
+            if _falls(x):
+                x, values = x[::-1], values[::-1]
+            if _falls(y):
+                y, values = y[::-1], values[:, ::-1]
         else:
             if not self._same_length(statement, columns):
                 return None
@@ -373,6 +418,7 @@ class Data:
             message = f"`{path.name}` has fewer than two numbers, and a motion needs two"
             self.diagnostics.error(message, path.start, path.end)
             return None
+        self.warn_of_leaps(data.name, name, path.start, path.end)
         whole = f"{data.name}.{name}"
         zero = (0,)
         curve = TableRef(whole, checked(bridged(time, values, runs)), zero, of_time=True)
@@ -413,6 +459,11 @@ class Data:
             message = f"no variable is called like a column of `{name}`"
             self.diagnostics.error(message, node.start, node.end, f"its columns are {listed}")
         return found
+
+
+def _falls(places: FloatArray) -> bool:
+    """Whether places are listed from the last one down, each told apart from the next."""
+    return bool((np.diff(places) < 0.0).all()) and too_near(places[::-1]) is None
 
 
 def _no_column(data: DataSet, name: str, path: syntax.Name) -> tuple[str, int, int, str]:

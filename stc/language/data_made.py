@@ -49,7 +49,7 @@ def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | Non
     """
     if not path.lower().endswith(SUFFIXES):
         hint = "write its columns into a .csv file, with their names in the first line"
-        raise DataError(f"data is read from a .csv or .npz file, not from `{path}`", hint)
+        raise DataError(f"data is read from a .csv, .tsv or .npz file, not from `{path}`", hint)
     if carried is not None:
         if path not in carried:
             raise DataError(f"the solution does not carry `{path}`")
@@ -58,7 +58,7 @@ def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | Non
     try:
         file = folder / path
         if not file.is_file():
-            known = [each.name for suffix in ("*.csv", "*.npz") for each in sorted(folder.glob(suffix))]
+            known = [each.name for suffix in SUFFIXES for each in sorted(folder.glob(f"*{suffix}"))]
             hint = did_you_mean(path, known) or "it is looked for beside the spec"
             raise DataError(f"there is no file `{path}`", hint)
         with file.open("rb") as stream:

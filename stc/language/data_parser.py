@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 TABLE_WORD = "table"
 #: The option that says what a table is outside of its numbers.
 OUTSIDE_WORD = "outside"
+#: The option of a file that says which columns go on where they leap by a whole turn.
+UNWRAP = "unwrap"
 #: What a motion is called that the model's file has.
 KEYFRAMES = "keyframes"
 _FORMS = '`name = "file.csv";`, `name = (x, y): (0, 1), (2, 3);` or `name = table(data.x, data.y);`'
@@ -30,7 +32,8 @@ def data_statement(parser: _Parser, into: list[syntax.Statement]) -> None:
     parser.advance()
     if parser.kind == "string":
         path = parser.string("the name of a file")
-        into.append(syntax.DataFile(name.start, parser.ends[parser.at - 1], name, path))
+        turned = _unwrapped(parser)
+        into.append(syntax.DataFile(name.start, parser.ends[parser.at - 1], name, path, turned))
         parser.end_statement("the data set")
     elif parser.kind == "(":
         into.append(_rows(parser, name))
@@ -46,6 +49,24 @@ def data_statement(parser: _Parser, into: list[syntax.Statement]) -> None:
         raise parser.fail(
             f"expected data after `{name.name} =`, found {parser.described()}", f"data is {_FORMS}"
         )
+
+
+def _unwrapped(parser: _Parser) -> list[tuple[syntax.Name, syntax.Expression | None]]:
+    """The columns of a file that go on where they leap by a whole turn, each with what that is if it is said."""
+    found: list[tuple[syntax.Name, syntax.Expression | None]] = []
+    while parser.kind == ",":
+        parser.advance()
+        if parser.kind != "name" or parser.token_text(parser.at) != UNWRAP:
+            hint = f'a file has the option `{UNWRAP}`, as in `swing = "swing.csv", {UNWRAP} angle;`'
+            raise parser.fail(f"expected `{UNWRAP}`, found {parser.described()}", hint)
+        parser.advance()
+        column = parser.name_or_path(f"a column of angles, as in `{UNWRAP} angle`")
+        turn: syntax.Expression | None = None
+        if parser.kind == "=":
+            parser.advance()
+            turn = parser.expression()
+        found.append((column, turn))
+    return found
 
 
 def _rows(parser: _Parser, name: syntax.Name) -> syntax.DataRows:

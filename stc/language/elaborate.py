@@ -180,6 +180,7 @@ class _Elaborator(Context):
             corrections=corrections,
             data={} if self.data is None else self.data.sets,
             tables={} if self.data is None else self.data.tables,
+            named=self.positions.named,
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()

@@ -281,8 +281,8 @@ class ExpressionBuilder:
 
     def _of_model(self, node: syntax.Expression, text: str, resolve: Callable[[Paths], Expr]) -> Expr:
         """What the model makes of a path or a call; a mistake in it is noted."""
-        if self.paths is None and self.model_is_missing:
-            self.poisoned = True  # that the model cannot be read has been told
+        if self.paths is None and (self.model_is_missing or text.partition(".")[0] in self.constants.damaged):
+            self.poisoned = True  # that the model or the data cannot be read has been told
             return UNKNOWN
         if self.paths is None:
             sets = () if self.data is None else self.data.sets

@@ -60,7 +60,8 @@ def kinked(builder: ExpressionBuilder, node: syntax.Call, arguments: Sequence[Ex
             return num(0.0)
         return num(float(OF_NUMBERS[name](*(float(evaluate(e, values)) for e in arguments))))
     if name in ("sign", "floor"):
-        return builder.fail(node, *_no_slope(builder, node))
+        known = all(isinstance(key, ConstantRef | IndexRef | TimeRef) for key in keys)
+        return builder.fail(node, *_no_slope(builder, node, known))
     found = arguments[0]
     if name == "abs":
         return _noted(builder, node, found)
@@ -79,11 +80,17 @@ def _noted(builder: ExpressionBuilder, node: syntax.Call, e: Expr) -> Expr:
 
 
 def kinks_in(builder: ExpressionBuilder, e: Expr) -> list[syntax.Call]:
-    """The calls that an expression has kinks from."""
+    """The calls that an expression has kinks from; of calls within each other the outermost one, which goes first."""
     if not builder.kinks:
         return []
-    found = (builder.kinks[node] for node in reachable([e]) if node in builder.kinks)
-    return list({(node.start, node.end): node for node in found}.values())
+    found = {(n.start, n.end): n for n in (builder.kinks[e] for e in reachable([e]) if e in builder.kinks)}
+    within = {
+        (part.start, part.end)
+        for node in found.values()
+        for argument in node.arguments
+        for part in syntax.walk(argument)
+    }
+    return [node for place, node in found.items() if place not in within]
 
 
 # ------------------------------------------------------------------------------------------------ what to write
@@ -123,9 +130,17 @@ def _wrong_count(builder: ExpressionBuilder, node: syntax.Call, given: int) -> t
     return f"`{name}` takes {wanted}, not {given}", ""
 
 
-def _no_slope(builder: ExpressionBuilder, node: syntax.Call) -> tuple[str, str]:
+def _no_slope(builder: ExpressionBuilder, node: syntax.Call, known: bool) -> tuple[str, str]:
+    """What is wrong with a call that jumps, and what to write; ``known`` where it holds no unknown."""
     text = _text(builder, node)
     argument = node.arguments[0]
+    if known:
+        hint = (
+            "the frames are known at which it jumps: write a value for each stretch of them, as in\n"
+            "definitions: [0, n/2]: step = 0; [n/2, n]: step = 1;\n"
+            f"and `step` in place of `{text}`"
+        )
+        return f"`{text}` jumps at some frame, where it has no slope", hint
     if node.function == "floor":
         hint = "solvers that follow slopes find no whole numbers: make it a constant, and solve for each (`--set`)"
         return f"`{text}` jumps from one whole number to the next", hint

@@ -6,7 +6,8 @@ from stc.data_sets import TIME
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.recorded import references
-from stc.problem import ConstantRef, DefinitionRef, IndexRef, TimeRef, VariableRef
+from stc.language.turned import bare
+from stc.problem import CellRef, ConstantRef, DefinitionRef, IndexRef, TimeRef, VariableRef
 from stc.symbolic.expr import Expr, symbols
 
 
@@ -16,6 +17,10 @@ def stands_on_rows(context: Context, e: Expr, integral: bool, rows: str, node: s
     if found is not None:
         context.error(node, *found)
     context.table.entries[rows].used = True
+    if found is None and context.data is not None and rows in context.data.sets:
+        for key in bare(e):
+            if isinstance(key, CellRef):
+                context.data.warn_of_leaps(key.data, key.column, node.start, node.end)
     return found is None and context.data is not None and rows in context.data.sets
 
 

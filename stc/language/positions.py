@@ -14,7 +14,7 @@ from stc.language.name_table import NameTable
 from stc.language.names import dependency_order
 from stc.language.numbers import NOISE, NotANumber, Resolve, Unknown, affine, exact
 from stc.language.words import FRAMES_MEANT
-from stc.problem import FrameRange
+from stc.problem import FrameRange, NamedFrame
 
 Position = tuple[Fraction | int, Fraction | int]
 
@@ -43,6 +43,12 @@ class Positions:
             False: {},
         }
         self._headers: dict[int, FrameRange | None] = {}
+        self._named: dict[int, list[NamedFrame]] = {}
+
+    @property
+    def named(self) -> list[NamedFrame]:
+        """The frames that headers and indices have named so far, in the order of the text."""
+        return sorted((one for some in self._named.values() for one in some), key=lambda one: one.span.start)
 
     def structural_value(self, name: str) -> float | None:
         """The value of a constant that shapes the problem."""
@@ -149,7 +155,9 @@ class Positions:
                 f"{what} outside the motion", header.start, header.end, f"its frames are 0 to {n}"
             )
             return None
-        return FrameRange(first, last, Span(self.diagnostics.source, header.start, header.end))
+        span = Span(self.diagnostics.source, header.start, header.end)
+        self._named[id(header)] = [NamedFrame(first, span), NamedFrame(last, span)]
+        return FrameRange(first, last, span)
 
     def _not_whole(self, node: syntax.Expression) -> str:
         """The hint for a position that is no frame for the values of its constants; empty where it has none."""
@@ -182,4 +190,7 @@ class Positions:
             hint = f"its frames are 0 to {n}"
             self.diagnostics.error(f"frame {shift} is outside the motion", node.start, node.end, hint)
             return None
+        if scale == 0:
+            span = Span(self.diagnostics.source, node.start, node.end)
+            self._named[id(node)] = [NamedFrame(int(shift), span)]
         return scale, shift

@@ -8,7 +8,7 @@ import numpy as np
 
 from stc.data_sets import DataSet
 from stc.language import syntax
-from stc.language.data_parser import KEYFRAMES
+from stc.language.data_parser import KEYFRAMES, UNWRAP
 from stc.language.diagnostics import shortened
 from stc.problem import Problem
 from stc.symbolic.tables import TableRef
@@ -34,7 +34,11 @@ def show_data_statement(
     if isinstance(node, syntax.GuessFrom):
         return f"{node.name.name};"
     if isinstance(node, syntax.DataFile):
-        return f'{node.name.name} = "{node.path}";'
+        turned = [
+            (column.name, "" if turn is None else f" = {show(turn)}") for column, turn in node.unwrapped
+        ]
+        options = [f", {UNWRAP} {column}{written}" for column, written in turned]
+        return f'{node.name.name} = "{node.path}"{"".join(options)};'
     if isinstance(node, syntax.DataKeyframes):
         return f"{node.name.name} = {KEYFRAMES};"
     columns = ", ".join(column.name for column in node.columns)

@@ -259,10 +259,11 @@ class ContactPlace(Node):
 
 @dataclass(slots=True)
 class DataFile(Node):
-    """``polar = "polar.csv";`` in `data:`."""
+    """``polar = "polar.csv";`` in `data:`, perhaps with ``, unwrap angle`` or ``, unwrap angle = 360``."""
 
     name: Name
     path: str
+    unwrapped: list[tuple[Name, Expression | None]]
 
 
 @dataclass(slots=True)

@@ -2,17 +2,18 @@
 
 Local errors say what the grid leaves in every step, but not what becomes of the optimum: a system may multiply them,
 and a flat optimum moves far where its cost hardly changes.  The next finer grid says both.  From a solution that is
-sound its solve takes a few iterations; one that takes many is given up, and nothing is told.
+sound its solve takes a few iterations; one that takes many is given up, and nothing is told.  What it may take is
+counted in processor time, so that a machine with much else to do finds the same.
 """
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Iterable
 
 import numpy as np
 
-from stc import deadline
 from stc.errors import StcError
 from stc.origin import model_of
 from stc.same_motion import check_same_motion
@@ -27,7 +28,10 @@ FROM_COARSER = 100
 LEAST_RANGE = 1e-6
 """Of the largest range of all: what varies by less counts as still."""
 SHARE_OF_TIME, LEAST_TIME = 0.25, 1.0
-"""The finer solve may take this share of the seconds that the solution took, or so many seconds."""
+"""The finer solve may take this share of the processor time that the solution took, or so many seconds of it."""
+FEW, LATE = 20, 2.0
+"""Iterations that the finer solve is reckoned to take: it is not begun where these alone are too many.  Once begun it
+may take so many times what is allowed, lest the answer hang on a hair."""
 
 
 def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float, dict[str, float]] | None:
@@ -47,8 +51,11 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
     Raises:
         SpecError: the text that the solution carries is no spec.
     """
-    seconds = min(max(SHARE_OF_TIME * solution.seconds.get("total", 0.0), LEAST_TIME), deadline.left())
+    allowed = max(SHARE_OF_TIME * solution.seconds.get("processor", 0.0), LEAST_TIME)
+    if _expected(solution) > allowed:
+        return None
     model = model_of(solution)
+    end = time.thread_time() + LATE * allowed
     try:
         spread = Spread.of(model, solution.method, solution.overrides)
         constants = {**solution.overrides, **spread.multiplied(2)}
@@ -65,7 +72,7 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
                 constants=constants,
                 warm_start=solution,
                 max_iterations=FROM_COARSER,
-                time_limit=max(seconds, 1e-3),
+                callback=lambda _: time.thread_time() > end,
             )
     except StcError:
         return None
@@ -74,6 +81,19 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
     whole = 1.0 / (1.0 - 0.5 ** ORDER[solution.method])
     objective = abs(solution.objective - finer.objective) / max(abs(finer.objective), 1e-9)
     return whole * objective, {name: whole * error for name, error in apart(solution, finer, names).items()}
+
+
+def _expected(solution: Solution) -> float:
+    """The processor time that a solve on twice the frames takes at least, in seconds.
+
+    The spec is read once more, and an iteration takes twice as long; what was derived and compiled serves again.
+    """
+    seconds = solution.seconds
+    total = seconds.get("total", 0.0)
+    if not total > 0.0:
+        return 0.0
+    wall = seconds.get("parse", 0.0) + 2.0 * FEW * seconds.get("solve", 0.0) / max(solution.iterations, 1)
+    return seconds.get("processor", 0.0) * wall / total
 
 
 def apart(coarse: Solution, finer: Solution, names: Iterable[str]) -> dict[str, float]:

@@ -26,7 +26,6 @@ from stc.same_motion import (
     check_same_motion,
     growing_sum,
     is_of_parameters,
-    named_frames,
     takes_longer,
 )
 
@@ -146,15 +145,15 @@ class Spread:
 
     def _names_its_frame(self, name: str, frame: int) -> bool:
         """Whether some statement's range or index at this very frame moves with a constant."""
-        before = [where for where, _ in named_frames(self.problem)]
+        before = self.problem.named
         for other in (2, -2, 1, -1):
             try:
                 changed = self.model.problem(self.method, **{**self.constants, name: frame + other})
             except (SpecError, UsageError):
                 continue
-            after = [where for where, _ in named_frames(changed)]
+            after = changed.named
             return len(before) == len(after) and any(
-                abs(old - frame) <= BESIDE and new - old == other
+                abs(old.frame - frame) <= BESIDE and new.frame - old.frame == other
                 for old, new in zip(before, after, strict=True)
             )
         return False

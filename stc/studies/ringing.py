@@ -49,6 +49,7 @@ class Ringing:
         frames: stretches, first and last frame, a half more at midpoints.
         change: the largest one from one node to the next on these.
         term: what to add to the objective.
+        alone: whether that is all the objective there is.
     """
 
     variable: str
@@ -57,6 +58,7 @@ class Ringing:
     frames: tuple[tuple[float, float], ...]
     change: float
     term: str
+    alone: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """The attributes by name."""
@@ -66,11 +68,15 @@ class Ringing:
         where = [f"{first:g} to {last:g}" for first, last in self.frames[:3]]
         where += ["others"] if len(self.frames) > 3 else []
         stands = f" in `{self.statement}` ({self.place})" if self.statement else ""
-        return (
+        rings = (
             f"{self.variable}{stands} alternates from node to node, by up to {self.change:.2g}, at frames "
-            f"{' and '.join(where)}: ringing, as on a singular arc, where the objective leaves it free. A rate term in "
-            f"the objective stops it at a cost of about {COST:g} of that: `{self.term}`. `--method central` often does "
-            "as well"
+            f"{' and '.join(where)}: ringing"
+        )
+        if self.alone:
+            return f"{rings}, since there is no objective, and nothing else decides it. A rate term does: `{self.term}`"
+        return (
+            f"{rings}, as on a singular arc, where the objective leaves it free. A rate term in the objective stops it "
+            f"at a cost of about {COST:g} of that: `{self.term}`. `--method central` often does as well"
         )
 
 
@@ -184,5 +190,6 @@ def _told(
     channel = solution.trajectories[name, 0]
     size = float(np.ptp(np.concatenate([channel.after, [] if channel.mid is None else channel.mid])))
     weight = COST * max(abs(solution.objective), 1e-9) * solution.duration / solution.n / size**2
-    term = f"[0, n]: integral({float(f'{weight:.0e}'):g}*{name}'^2);"
-    return Ringing(name, statement, place, tuple(stretches), change, term)
+    factor = f"{float(f'{weight:.0e}'):g}*" if problem.objective else ""
+    term = f"[0, n]: integral({factor}{name}'^2);"
+    return Ringing(name, statement, place, tuple(stretches), change, term, not problem.objective)

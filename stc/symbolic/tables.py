@@ -46,14 +46,14 @@ LOWEST, SCALE, LAST, BUCKETS, BEGINS, ORIGIN, STEP = range(AXIS)
 where places are evenly spaced, else its bucket.
 ``ORIGIN``, ``STEP``: of even places; piece k is zero at ``ORIGIN + k*STEP``.
 ``BUCKETS``: of others; where buckets are described, counted from the first number of the table.  Where no bucket has
-more than :data:`TOLD` places in it, each is four numbers: the first places that are not before it, and the slot that
-comes before the first of them.  Else it is one number, the first piece that may be meant.
+more than :data:`TOLD` places in it, each is four numbers: where the first piece that may be meant is zero, the places
+that come after that, and the number of this piece.  Else it is that number alone.
 ``BEGINS``: of these; where it is told where each piece is zero and begins, counted likewise.
 """
 BUCKET: Final = 4
-SLOT: Final = BUCKET - 1
-TOLD: Final = BUCKET - 1
-"""Numbers of a bucket, where its slot stands among them, and the places that it tells."""
+FIRST: Final = BUCKET - 1
+TOLD: Final = BUCKET - 2
+"""Numbers of a bucket, where that of its first piece stands among them, and the places that it tells."""
 HEADER: Final = 2 * AXIS + 2
 COEFFICIENTS, ROW = 2 * AXIS, 2 * AXIS + 1
 """After the headers of two axes: where coefficients begin, and how far the rows of the first argument lie apart."""
@@ -117,28 +117,6 @@ class Axis:
         """In how many steps a piece is found in its bucket, by halving; 0 where a bucket tells its places."""
         return max(self.search - TOLD, 0)
 
-    @property
-    def slots(self) -> int:
-        """How many polynomials are kept: one for each piece, or two for each place, see :meth:`in_slots`."""
-        return 2 * len(self.x) if 0 < self.search <= TOLD else len(self)
-
-    def in_slots(self, pieces: FloatArray) -> FloatArray:
-        """The polynomials as they are looked up, (slots, 4, ...) of those of all pieces.
-
-        Where buckets tell their places, the pieces on both sides of a place are kept in a variable that is zero there:
-        so that one is to be had without the place before.
-        """
-        if not 0 < self.search <= TOLD:
-            return pieces
-        shift = (self.x - self.origins[:-1]).reshape(-1, *(1,) * (pieces.ndim - 2))
-        left = pieces[:-1].copy()
-        for k in range(ORDER):
-            for j in range(ORDER - 2, k - 1, -1):  # Horner's rule, again and again (Knuth, TAOCP 2, 4.6.4)
-                left[:, j] += shift * left[:, j + 1]
-        found = np.empty((self.slots, *pieces.shape[1:]))
-        found[0::2], found[1::2] = left, pieces[1:]
-        return found
-
     def __len__(self) -> int:
         """How many pieces there are, those outside included."""
         return len(self.x) + 1
@@ -166,8 +144,8 @@ class Axis:
         if not self.halved:
             # The last ones tell places before them as well, which all numbers in them reach.
             first = np.minimum(first, len(self.x) - self.search)
-            told = [self.begins[np.minimum(first + k, len(self.x) - 1)] for k in range(TOLD)]
-            return header, np.column_stack([*told, 2.0 * first]).ravel()
+            zeros = np.concatenate([self.origins[:1], self.begins, self.begins[-1:]])
+            return header, np.column_stack([*(zeros[first + k] for k in range(TOLD + 1)), first]).ravel()
         header[BEGINS] = at + len(first)
         # A search ends at most at the last piece: what follows it no number reaches.
         beyond = np.full(1 << self.halved, np.nan)
@@ -246,16 +224,10 @@ class Table:
             head[AXIS * k : AXIS * (k + 1)], search = axis.storage(end)
             parts.append(search)
             end += len(search)
-        kept = self.axes[0].in_slots(
-            self.coefficients if len(self.axes) == 1 else self.coefficients.swapaxes(1, 2)
-        )
-        if len(self.axes) == 2:  # (slots, 4, pieces, 4) by now
-            second = self.axes[1].in_slots(kept.transpose(2, 3, 0, 1))
-            kept = second.transpose(2, 0, 3, 1)
         head[COEFFICIENTS] = end
-        head[ROW] = kept[0].size
+        head[ROW] = self.coefficients[0].size
         # four numbers are read together, though fewer may be wanted
-        return np.concatenate([*parts, kept.ravel(), np.zeros(ORDER)])
+        return np.concatenate([*parts, self.coefficients.ravel(), np.zeros(ORDER)])
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ PLACES = {
     0: np.linspace(-1.0, 2.0, 4),
     1: np.concatenate([np.linspace(0.0, 1.0, 5), [2.5, 3.0, 7.0]]),
     2: np.concatenate([drawn(20, 2), 9.0 + np.array([0.2, 0.2001])]),
-    3: np.concatenate([drawn(20, 2), 9.0 + np.array([0.2, 0.2001, 0.2002])]),
+    TOLD + 2: np.concatenate([drawn(20, 2), 9.0 + np.array([0.2, 0.2001, 0.2002])]),
     TOLD + 4: np.concatenate([np.linspace(0.0, 1e-2, 7), np.linspace(1.0, 30.0, 20), [1e4]]),
 }
 

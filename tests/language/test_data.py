@@ -198,7 +198,7 @@ FILE = 'data: d = "d.csv"; '
 WRONG = [
     ('data: d = "no.csv";', "a,b\n0,1\n1,2", "there is no file `no.csv`", 'd = "no.csv"'),
     ('data: d = "c.csv";', "a,b\n0,1\n1,2", "did you mean `d.csv`?", 'd = "c.csv"'),
-    ('data: d = "d.txt";', "", "from a .csv or .npz file", 'd = "d.txt"'),
+    ('data: d = "d.txt";', "", "from a .csv, .tsv or .npz file", 'd = "d.txt"'),
     (FILE, "", "`d.csv` holds no table", 'd = "d.csv"'),
     (FILE, "a,b", "`d.csv` holds no table", 'd = "d.csv"'),
     (FILE, "0,1\n1,2", "line 1 of `d.csv` holds numbers; it has to name the columns", 'd = "d.csv"'),
@@ -250,7 +250,7 @@ WRONG = [
     (FILE + "f = table(d.a, d.b);", "a,b\n0,0\n1e-300,1e300\n1,0", "`d.a` rises too little on line 3", "d.a"),
     (FILE + "f = table(d.a, d.b);", "a,b\n0,0\n1e-9,1e300\n1,0", "too large, or too near", "f = "),
     ("data: d = (a, b): (0, 1), (1);", "", "a row has 1 number for 2 columns", "(1)"),
-    ("data: d = (a, b): (0, x), (1, 2);", "", "a constant cannot use the variable `x`", "x"),
+    ("data: d = (a, b): (0, x), (1, 2);", "", "a row of data cannot use the variable `x`", "x"),
     ("data: d = (a, a): (0, 1), (1, 2);", "", "there are two columns `a`", "a"),
     ("data: d = 3;", "", "expected data after `d =`", "3"),
     ("data: d = keyframes;", "", "keyframes are those of a model, and the spec has none", "d = keyframes"),

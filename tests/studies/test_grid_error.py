@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
 import stc
+from stc.pipeline import Model
 from stc.studies.doubled import apart, range_of
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
@@ -258,3 +261,22 @@ def test_what_stands_still_but_for_rounding_has_no_error() -> None:
     noisy = apart(coarse, finer, ["x", "y"])
     assert noisy["x"] == clean["x"] > 1e-4
     assert noisy["y"] < 1e-3
+
+
+def test_a_busy_machine_changes_nothing(monkeypatch) -> None:
+    solution = stc.load(SWING.format(method="trapezoidal")).solve()
+    expected = solution.grid_error()
+    solve, slept = Model.solve, []
+
+    def slowly(self, callback=None, **arguments):
+        def look(record):
+            if not slept:
+                slept.append(time.sleep(3.0))  # time that others take
+            return callback is not None and callback(record)
+
+        return solve(self, callback=look, **arguments)
+
+    monkeypatch.setattr(Model, "solve", slowly)
+    assert solution.grid_error() == expected
+    assert slept
+    assert expected != local_grid_error(solution)

@@ -34,6 +34,22 @@ def test_following_the_advice_makes_a_coarse_motion_pass(name: str, n: int) -> N
     assert better.next_steps == []
 
 
+@pytest.mark.slow
+def test_a_very_coarse_motion_improves_with_each_advice_until_it_passes() -> None:
+    model, n, before = stc.load("falling_cat"), 8, float("inf")
+    for _ in range(3):
+        certificate = certify(model.solve(n=n))
+        if certificate.passed:
+            return
+        failures = [m for m in certificate.metrics if m.verdict == "fail"]
+        worst = max(m.value / m.limit for m in failures if m.limit)
+        assert worst < 0.1 * before
+        found = re.search(r"--set n=(\d+)", certificate.next_steps[0])
+        assert found is not None
+        n, before = int(found[1]), worst
+    pytest.fail(f"n = {n} would be the next")
+
+
 @pytest.mark.parametrize(
     ("frames", "advised"),
     [
