@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from stc.errors import Diagnostic, EndedError, EvaluationError, SpecError, StcError, UsageError
     from stc.pipeline import Model, load
     from stc.solution import Solution, SolutionError, read
+    from stc.sweeps import sweep
 
 __version__ = "0.1.0"
 
@@ -38,6 +39,7 @@ __all__ = [
     "__version__",
     "load",
     "read",
+    "sweep",
 ]
 
 _HOME = {
@@ -52,6 +54,7 @@ _HOME = {
     "UsageError": "stc.errors",
     "load": "stc.pipeline",
     "read": "stc.solution",
+    "sweep": "stc.sweeps",
 }
 
 # An installation holds validate/, models/ and specs/ in this folder.  In a checkout they lie beside it; then

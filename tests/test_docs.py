@@ -126,6 +126,14 @@ def test_the_searches_from_python_work() -> None:
     assert names["sure"].verified and len(names["found"].optima) >= 1  # type: ignore[attr-defined]
 
 
+def test_the_sweep_from_python_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    (block,) = blocks("docs/sweeps.md", "python")
+    exec(block, names)
+    assert names["found"].good  # type: ignore[attr-defined]
+
+
 @with_and_without_pictures
 def test_the_model_of_ones_own_is_what_its_spec_says(
     renders: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
