@@ -48,7 +48,6 @@ app = typer.Typer(
     help="State a motion as constraints and an objective, solve it, and have MuJoCo judge it.",
     epilog="Exit status: 0 optimal (or validated), 1 not, 2 a mistake in the input.",
     context_settings={"help_option_names": ["-h", "--help"]},
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
