@@ -22,7 +22,7 @@ from stc.validate.certificate.pictures import Pictures, render
 ROOT = Path(__file__).parent.parent
 PAGE, FILMS = ROOT / "docs" / "gallery.md", ROOT / "docs" / "gallery"
 
-#: Width and height of a film in pixels, how many of its pictures are kept, and how well.
+#: Width and height of a film in pixels, how many pictures it has at most, and how well they are kept.
 SIZE, MOST, QUALITY = (288, 180), 30, 50
 #: Bytes that a film may have.
 LARGEST = 200_000
@@ -38,15 +38,14 @@ _SECTION = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 
 def film(pictures: Pictures) -> bytes:
     """A small animated WebP of a replay."""
-    stride = -(-len(pictures.frames) // MOST)
-    frames = [picture.resize(SIZE) for picture in pictures.frames[::stride]]
+    frames = pictures.frames
     stream = io.BytesIO()
     frames[0].save(
         stream,
         "WEBP",
         save_all=True,
         append_images=frames[1:],
-        duration=round(1000 * stride * pictures.seconds_a_frame),
+        duration=round(1000 * pictures.seconds_a_frame),
         loop=0,
         quality=QUALITY,
         method=4,
@@ -76,7 +75,7 @@ def main() -> None:
     FILMS.mkdir(exist_ok=True)
     for name in names:
         certificate = certify(load(name).solve(), equations=False)
-        content = film(render(certificate.replays))
+        content = film(render(certificate.replays, SIZE, MOST))
         if len(content) > LARGEST:
             raise SystemExit(f"the film of {name} has {len(content)} bytes; at most {LARGEST} are kept")
         (FILMS / f"{name}.webp").write_bytes(content)

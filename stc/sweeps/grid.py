@@ -18,7 +18,7 @@ from stc.errors import UsageError
 __all__ = ["MOST_POINTS", "Grid"]
 
 #: A grid with more points than this is likely to be a slip: each of them takes a solve and several files.
-MOST_POINTS = 1_000_000
+MOST_POINTS = 100_000
 
 
 class Grid:
