@@ -88,6 +88,9 @@ def write(name: str, text: str) -> None:
     known = dict(_SECTION.findall(PAGE.read_text(encoding="utf-8"))) if PAGE.is_file() else {}
     known[name] = f"\n{text}"
     parts = [f"## {key}\n{known[key].rstrip()}\n" for key in specs.names() if key in known]
+    missing = [key for key in specs.names() if key not in known]
+    if missing:
+        parts.insert(0, f"Not filmed yet: {', '.join(missing)}.\n")
     PAGE.write_text("\n".join([_HEAD, *parts]), encoding="utf-8")
 
 
