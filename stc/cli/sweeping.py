@@ -54,6 +54,8 @@ def run(
         last[:] = [found]
         if line.due:
             line.show(f"{model.name}  {len(found.facts)} of {len(found.grid)} points")
+        if watch.stopped and not found.complete:
+            raise EndedError("the sweep was interrupted", "interrupted")
 
     def told(why: str) -> int:
         line.close()

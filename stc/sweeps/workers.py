@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
 from functools import cache
 from importlib.util import find_spec
+from multiprocessing import current_process
 from types import TracebackType
 from typing import Any, TypeVar
 
@@ -109,7 +110,8 @@ def _elsewhere(asker: int, function: Callable[[T], R], task: T) -> R:
         from stc.codegen.threads import limit
 
         limit(1)
-        if os.getppid() == asker:
+        # A worker of joblib's own pool is a child of the asker, which may be gone already.
+        if current_process().name.startswith("LokyProcess"):
             _end_with(asker)
     return function(task)
 
