@@ -2,6 +2,7 @@
 #   make run     set up and run the main job: solve a bundled spec and have MuJoCo validate the motion
 #   make test    set up and run all tests
 #   make check   format, lint, types, import contracts, quick tests: what to run before a commit
+#   make docs    set up and build the site of docs/ in build/site
 #   make bench   set up with the other tools, measure, and write the tables and plots of docs/benchmarks.md
 VENV ?= .venv
 SPEC ?= luxo_jump
@@ -14,7 +15,7 @@ RECIPE := pyproject.toml setup.py build_backend/backend.py $(wildcard stc/core/*
 # may wait for ever for one that is: what it had left to do is not run, and the run fails.
 PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile --max-worker-restart 0
 
-.PHONY: run test check nightly format bench tree clean
+.PHONY: run test check nightly format bench docs gallery tree clean
 
 run: $(VENV)/.ready
 	$(BIN)/stc run $(SPEC) -o out/$(SPEC).npz --report out/$(SPEC).html
@@ -40,6 +41,13 @@ format: $(VENV)/.ready-dev
 bench: $(VENV)/.ready-bench
 	$(BIN)/python -m bench $(BENCH)
 
+docs: $(VENV)/.ready-docs tree
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+# Solves, judges and films every motion that ships; half an hour.
+gallery: $(VENV)/.ready
+	$(BIN)/python -m bench.gallery
+
 # The package as it is imported, stc.validate and all, made of links: for tools that read files and not modules.
 tree:
 	rm -rf build/tree && mkdir -p build/tree/stc
@@ -55,6 +63,10 @@ $(VENV)/.ready: $(RECIPE) | $(VENV)/bin/python
 
 $(VENV)/.ready-dev: $(RECIPE) | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $(VENV)/.ready $@
+
+$(VENV)/.ready-docs: $(RECIPE) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	touch $(VENV)/.ready $@
 
 $(VENV)/.ready-bench: $(RECIPE) | $(VENV)/bin/python

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     )
     from stc.pipeline import Model, load
     from stc.solution import Solution, read
+    from stc.sweeps import sweep
 
 __version__ = "0.1.0"
 
@@ -46,6 +47,7 @@ __all__ = [
     "__version__",
     "load",
     "read",
+    "sweep",
 ]
 
 _HOME = {
@@ -60,6 +62,7 @@ _HOME = {
     "UsageError": "stc.errors",
     "load": "stc.pipeline",
     "read": "stc.solution",
+    "sweep": "stc.sweeps",
 }
 
 # An installation holds validate/, models/ and specs/ in this folder.  In a checkout they lie beside it; then

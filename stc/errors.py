@@ -212,6 +212,10 @@ def _shown(text: str) -> str:
 class StcError(Exception):
     """Anything that went wrong for a reason that the user can be told."""
 
+    def _render_traceback_(self) -> list[str]:
+        """What a notebook shows: the message with its place in the spec, not the calls that led to it."""
+        return str(self).splitlines()
+
 
 class SpecError(StcError):
     """Mistakes in the text of a spec, all that were found, in the order of the text."""

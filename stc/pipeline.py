@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -127,6 +128,10 @@ class Model:
             with suppress(UsageError):
                 read_problem(self.source, self.overrides)
             raise
+
+    def _repr_html_(self) -> str:
+        # By name: nothing here is imported from the layers above.
+        return str(import_module("stc.notebooks").of_model(self))
 
     @property
     def text(self) -> str:

@@ -430,6 +430,38 @@ class Solution:
         # By name: nothing here is imported from the layers above.
         return import_module("stc.studies.uncertainty").of_solution(self)
 
+    def to_dataframe(self, times: npt.ArrayLike | None = None) -> Any:
+        """The motion as a pandas data frame: a row for each time, a column for each variable and derivative.
+
+        Args:
+            times: in seconds; the frames where none are given (at a jump, the values after it).
+
+        Returns:
+            A ``pandas.DataFrame`` with the index ``time``; spec, status, objective and parameters are in its ``attrs``.
+
+        Raises:
+            UsageError: pandas is not installed, or a time is outside of the motion.
+        """
+        # By name: nothing here is imported from the layers above.
+        return import_module("stc.notebooks").dataframe(self, times)
+
+    def to_xarray(self, times: npt.ArrayLike | None = None) -> Any:
+        """The motion as an xarray data set along ``time``; parameters are scalars in it.
+
+        Args:
+            times: in seconds; the frames where none are given (at a jump, the values after it).
+
+        Returns:
+            An ``xarray.Dataset``; spec, status and objective are in its ``attrs``.
+
+        Raises:
+            UsageError: xarray is not installed, or a time is outside of the motion.
+        """
+        return import_module("stc.notebooks").dataset(self, times)
+
+    def _repr_html_(self) -> str:
+        return str(import_module("stc.notebooks").of_solution(self))
+
     def save(self, path: Path) -> None:
         """Write the solution to ``path``: ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.
 

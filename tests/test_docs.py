@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 
 import pytest
 
 import stc
+from stc import specs
 from stc.cli.main import run
 from stc.validate import validate
 from stc.validate.report import Report
@@ -124,6 +127,71 @@ def test_the_searches_from_python_work() -> None:
     exec(block, names)
     assert names["walk"].arrived and names["finer"].reached  # type: ignore[attr-defined]
     assert names["sure"].verified and len(names["found"].optima) >= 1  # type: ignore[attr-defined]
+
+
+def test_the_sweep_from_python_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    (block,) = blocks("docs/sweeps.md", "python")
+    exec(block, names)
+    assert names["found"].good  # type: ignore[attr-defined]
+
+
+#: Pages that begin with a task, each with the file that its first spec is saved as.
+TASKS = {
+    "install.md": "",
+    "first_motion.md": "push.stc",
+    "transcription.md": "",
+    "failed_solves.md": "reach.stc",
+    "reading_a_verdict.md": "",
+}
+
+
+@pytest.mark.parametrize("page", TASKS)
+def test_the_commands_and_the_python_of_a_page_work(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = ROOT / "docs" / page
+    if TASKS[page]:
+        (spec,) = blocks(str(text)) or blocks(str(text), "text")
+        Path(TASKS[page]).write_text(spec)
+    for line in re.findall(r"^    stc (?!--install)(.*)$", text.read_text(), re.MULTILINE):
+        assert run(line.split()) == 0, line
+    names: dict[str, object] = {}
+    for block in blocks(str(text), "python"):
+        exec(block, names)
+    if page == "first_motion.md":
+        assert names["solution"].objective == pytest.approx(48.0)  # type: ignore[attr-defined]
+    if page == "failed_solves.md":
+        assert names["solution"].status == "infeasible"  # type: ignore[attr-defined]
+
+
+def test_every_page_is_in_the_site() -> None:
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    listed = re.findall(r"^ +- [^:\n]+: (\w+\.md)$", text, re.MULTILINE)
+    assert sorted(listed) == sorted(path.name for path in (ROOT / "docs").glob("*.md"))
+
+
+@pytest.mark.nightly
+def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocstrings")
+    subprocess.run(["make", "tree"], cwd=ROOT, check=True, capture_output=True)
+    words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    api = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
+    assert all(f"{name}</span>" in api for name in ("solve", "sweep", "certify", "assert_physical"))
+
+
+def test_the_gallery_shows_every_motion_or_says_that_it_is_missing() -> None:
+    text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^!\[(\w+)\]\(gallery/(\w+)\.webp\)$", text, re.MULTILINE)
+    missing = re.findall(r"^Not filmed yet: (.*)\.$", text, re.MULTILINE)
+    names = [name for name, film in shown if name == film]
+    assert sorted([*names, *(missing[0].split(", ") if missing else [])]) == sorted(specs.names())
+    assert all((ROOT / "docs" / "gallery" / f"{name}.webp").stat().st_size <= 200_000 for name in names)
+    assert len(re.findall(r"^\*\*(passed|failed)\*\*: ", text, re.MULTILINE)) == len(shown)
 
 
 @with_and_without_pictures

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from stc.records import dataclass, field
@@ -100,6 +101,10 @@ class Report:
             "notes": list(self.notes),
             "seconds": self.seconds,
         }
+
+    def _repr_html_(self) -> str:
+        # By name: nothing here is imported from the layers above.
+        return str(import_module("stc.notebooks").of_report(self))
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Rich shows a report as a table with the verdict below it."""

@@ -10,7 +10,7 @@ import typer
 from typer.models import CommandInfo
 
 from stc import __version__
-from stc.cli import exports, jobs, perturbed, pictures, studies
+from stc.cli import exports, jobs, perturbed, pictures, studies, sweeping
 from stc.cli import view as viewing
 from stc.cli.options import solve_options, writable_page
 from stc.cli.parameters import (
@@ -48,7 +48,6 @@ app = typer.Typer(
     help="State a motion as constraints and an objective, solve it, and have MuJoCo judge it.",
     epilog="Exit status: 0 optimal (or validated), 1 not, 2 a mistake in the input.",
     context_settings={"help_option_names": ["-h", "--help"]},
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
@@ -172,6 +171,38 @@ def run(
     )
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, table=table, as_json=json)
+
+
+@app.command()
+def sweep(
+    spec: Spec,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUES",
+            help="Values of a constant: FIRST:LAST:COUNT or VALUE,VALUE,... Repeatable; all combinations are solved.",
+        ),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Where results are kept; default NAME_sweep."),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", metavar="COUNT", help="Processes; default: one per processor."),
+    ] = None,
+    solve_only: Annotated[
+        bool, typer.Option("--solve-only", help="Do not replay the motions in MuJoCo.")
+    ] = False,
+    method: Method = None,
+    max_iterations: MaxIterations = None,
+    tolerance: Tolerance = None,
+    json: Json = False,
+) -> int:
+    """Solve and judge a spec for all combinations of values; the same command goes on after an interruption."""
+    options = solve_options(None, method, max_iterations, None, tolerance)
+    return sweeping.run(spec, settings, output, options, workers=workers, replay=not solve_only, as_json=json)
 
 
 @app.command()

@@ -6,10 +6,27 @@ from typing import Annotated
 
 import typer
 
-Spec = Annotated[str, typer.Argument(metavar="SPEC", help="A .stc file or the name of a bundled spec.")]
+
+def _bundled(incomplete: str) -> list[str]:
+    """The bundled specs whose names begin so, for the completion of shells, which add files of their own."""
+    from stc import specs
+
+    return [name for name in specs.names() if name.startswith(incomplete)]
+
+
+Spec = Annotated[
+    str,
+    typer.Argument(
+        metavar="SPEC", help="A .stc file or the name of a bundled spec.", autocompletion=_bundled
+    ),
+]
 SpecOrSolution = Annotated[
     str,
-    typer.Argument(metavar="SPEC|SOLUTION", help="A saved solution (.npz, .csv), or a spec to solve first."),
+    typer.Argument(
+        metavar="SPEC|SOLUTION",
+        help="A saved solution (.npz, .csv), or a spec to solve first.",
+        autocompletion=_bundled,
+    ),
 ]
 Set = Annotated[
     list[str] | None,

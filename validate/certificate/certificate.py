@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -208,6 +209,10 @@ class Certificate:
         from stc.validate.certificate.terminal import summary
 
         return summary(self)
+
+    def _repr_html_(self) -> str:
+        # By name: nothing here is imported from the layers above.
+        return str(import_module("stc.notebooks").of_certificate(self))
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Rich shows the table that the page shows, with the verdict below it."""

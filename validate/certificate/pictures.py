@@ -86,8 +86,13 @@ def encoded(picture: Image, quality: int = 85) -> bytes:
     return stream.getvalue()
 
 
-def render(replays: Replays) -> Pictures:
+def render(replays: Replays, size: tuple[int, int] = SIZE, most: int = _MOST) -> Pictures:
     """Render the replay that the verdict goes by: open loop, or tracked where small errors grow too much.
+
+    Args:
+        replays: what was simulated.
+        size: width and height of a picture, in pixels.
+        most: so many pictures are made at most.
 
     Raises:
         PictureError: nothing on this machine renders.
@@ -100,7 +105,7 @@ def render(replays: Replays) -> Pictures:
     motion = replays.tracked if steered and replays.tracked is not None else replays.open_loop
     start, end = setup.solution.time[[0, -1]]
     length = float(end - start) / slow_motion(float(end - start))
-    count = int(np.clip(round(_RATE * length), _FEWEST, _MOST))
+    count = int(np.clip(round(_RATE * length), min(_FEWEST, most), most))
     times = np.linspace(start, end, count)
     simulated, solved = simulated_at(motion, times), solved_at(setup, times)
     ghost = bool(np.max(np.abs(simulated - solved), initial=0.0) > _GHOST_FROM)
@@ -110,7 +115,7 @@ def render(replays: Replays) -> Pictures:
     model = picture_model(setup)
     # Most of this is rendered in software, where fine shadows take most of the time and hardly show at this size.
     model.vis.quality.shadowsize = min(int(model.vis.quality.shadowsize), _SHADOWS)
-    with Stage(model, *SIZE, frame=some) as stage:
+    with Stage(model, *size, frame=some) as stage:
         for k in range(count):
             ghosts = [(solved[k], _GHOST_OPACITY)] if ghost else []
             frames.append(Image.fromarray(stage.render(simulated[k], ghosts, trails)))

@@ -1,0 +1,127 @@
+"""A whole sweep: round by round, each point from its parent, kept as soon as it is done."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from stc import __version__
+from stc.arguments import numbers
+from stc.arguments import path as path_of
+from stc.data_sets import files_of
+from stc.errors import EndedError
+from stc.pipeline import Model, load
+from stc.problem import Problem
+from stc.recorded_files import record
+from stc.solver.options import given_options
+from stc.sweeps.folder import Folder, Sweep
+from stc.sweeps.grid import Grid
+from stc.sweeps.point import Found, Task, solve_point
+from stc.sweeps.workers import Workers
+
+__all__ = ["sweep"]
+
+
+def sweep(
+    spec: str | os.PathLike[str] | Model,
+    axes: Mapping[str, Iterable[float]],
+    folder: str | os.PathLike[str],
+    *,
+    workers: int | None = None,
+    replay: bool = True,
+    method: str | None = None,
+    tolerance: float | None = None,
+    max_iterations: int | None = None,
+    on_point: Callable[[Sweep, Found], None] | None = None,
+) -> Sweep:
+    """Solve a spec for all combinations of values of some constants, and judge each motion.
+
+    Every point starts from the motion of a neighbour that is fixed by the grid (:mod:`stc.sweeps.grid`), or of that
+    one's own neighbour where no optimum was found there; where this leads to no optimum, from the spec's guess.  The
+    findings are the same however many workers there are and however often the sweep is interrupted: the same call with
+    the same folder goes on where the last one ended.
+
+    Args:
+        spec: a path, a bundled name, the text, or a loaded model with constants for all points.
+        axes: the values of each constant that is swept.
+        folder: where results are kept; made where it is missing.
+        workers: number of processes; None for one per processor, or what ``joblib.parallel_config`` says.
+        replay: whether motions are judged in MuJoCo, where the spec names a model.
+        method, tolerance, max_iterations: of every solve, as for :meth:`stc.pipeline.Model.solve`.
+        on_point: called in this process with the sweep and what was found, after every point.
+
+    Returns:
+        What was found: see :class:`stc.sweeps.folder.Sweep`.
+
+    Raises:
+        UsageError: values that cannot be swept, an unknown constant, or a folder that holds something else.
+        SpecError: mistakes in the spec, at the first point.
+        WorkerError: a worker process was killed; what was found until then is kept.
+        EndedError: the process was asked to stop; what was found until then is kept.
+    """
+    given = {"method": method, "tolerance": tolerance, "max_iterations": max_iterations}
+    given_options(tolerance, max_iterations)
+    model = spec if isinstance(spec, Model) else load(spec)
+    swept = set(axes) if isinstance(axes, Mapping) else set()
+    problem = model.problem(method)
+    grid = Grid(axes, problem.constants)
+    fixed = {name: value for name, value in model.overrides.items() if name not in swept}
+    first = grid.rounds()[0][0]
+    _require_solvable(model, method, grid.constants(first))
+    kept = Folder(
+        Path(path_of(folder, "the folder of a sweep")),
+        {
+            "spec": model.name,
+            "text": model.text,
+            "files": _files(problem),
+            "stc": __version__,
+            "axes": grid.axes,
+            "constants": fixed,
+            **given,
+            "replay": bool(replay),
+        },
+    )
+    found = Sweep(kept.path, grid, kept.done(grid))
+
+    def task(index: int) -> Task:
+        ancestor = grid.parent(index)
+        while ancestor is not None and found.facts[ancestor]["status"] != "optimal":
+            ancestor = grid.parent(ancestor)
+        start = None if ancestor is None else kept.motion(ancestor)
+        constants = {**fixed, **grid.constants(index)}
+        return Task(index, model.source, constants, given, bool(replay), start)
+
+    try:
+        with Workers(workers) as side_by_side:
+            for indices in grid.rounds():
+                left = (index for index in indices if index not in found.facts)
+                for one in side_by_side.results(solve_point, map(task, left)):
+                    if one.facts["status"] == "interrupted":
+                        raise EndedError("the sweep was interrupted", "interrupted")
+                    kept.keep(one)
+                    found.facts[one.index] = one.facts
+                    if on_point is not None:
+                        on_point(found, one)
+    finally:
+        kept.write_table(found)
+    return found
+
+
+def _require_solvable(model: Model, method: str | None, constants: Mapping[str, float]) -> None:
+    """Raise what is wrong with the spec or its model before any work is done."""
+    from stc.studies.replay_lines import check_replay_lines
+
+    check_replay_lines(model.problem(method, **numbers(constants)))
+
+
+def _files(problem: Problem) -> dict[str, str]:
+    """The hashes of what the spec depends on besides its text, by path: its data, and the files of its model."""
+    from stc.validate.model import find_model
+
+    files: list[Any] = list(files_of(problem.data))
+    if problem.model is not None:
+        folders = [Path(problem.source.path).parent] if problem.source.path else []
+        files += record(find_model(problem.model, folders))
+    return {file.path: file.sha256 for file in files}
