@@ -124,8 +124,10 @@ def test_a_block_slides_down_a_slope_beyond_the_angle_of_friction(tmp_path: Path
 
 @pytest.mark.parametrize("mu", [0.45, 0.6])
 def test_a_block_sticks_to_a_slope_within_it(tmp_path: Path, mu: float) -> None:
+    """But for what the relaxation e lets it creep by: the work that friction lacks is 10 e W at most."""
     solution = on_the_slope(tmp_path, mu)
-    assert abs(values(solution, "joint.x")[-1]) < 2e-3
+    creep = 10 * solution.constants["contact.relaxation"] / (cos(SLOPE) * mu - sin(SLOPE))
+    assert abs(values(solution, "joint.x")[-1]) < creep * 1.0
     assert values(solution, "foot_fx")[20] == pytest.approx(
         0, abs=0.05
     )  # weight straight down, force straight up
@@ -145,6 +147,7 @@ def test_a_hop_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
     (ranges,) = found_ranges(rough).values()
     assert ranges
     assert 0 < ranges[0][0] < ranges[-1][1] < rough.n
+    assert not any(way for _, _, way in ranges)
     with pytest.raises(UsageError, match="stc schedule"):
         validate(rough)
     write_schedule(rough, tmp_path / "scheduled.stc")
@@ -190,7 +193,7 @@ def test_contacts_of_a_lagrangian_cannot_be_free() -> None:
         stc.load(spec).problem()
 
 
-def test_what_slides_has_no_schedule(tmp_path: Path) -> None:
+def test_what_slides_in_space_has_no_schedule(tmp_path: Path) -> None:
     solution = load(tmp_path, BLOCK, FALL).solve(z0=0, v=1, mu=0.3)
     with pytest.raises(UsageError, match="`foot` slides by"):
         found_ranges(solution)
@@ -215,7 +218,7 @@ def test_the_command_tells_the_ranges_and_writes_the_spec(
     monkeypatch.chdir(tmp_path)
     rough.save("hop.npz")
     assert run(["schedule", "hop.npz", "-o", "found.stc"]) == 0
-    first, last = found_ranges(rough)["foot"][0]
+    first, last, _ = found_ranges(rough)["foot"][0]
     assert f"[{first}, {last}]" in capsys.readouterr().out
     assert run(["check", "found.stc"]) == 0
     assert run(["validate", "hop.npz"]) == 1
