@@ -38,7 +38,7 @@ USUAL = 2
 WAVES, SIZE = 3, 0.1
 MOST = 1500
 HEAD = """
-| page | frames | unknowns | iterations from the guess; CPU s | solved | median | most | its schedule, median | valid | valid within 150 |
+| page | frames | unknowns | from the guess; CPU s | solved | median | most | schedule | valid | within 150 |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 

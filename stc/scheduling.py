@@ -36,7 +36,8 @@ Range = tuple[int, int, str]
 BEARS = 1e-2
 #: A flight of fewer frames than this between two stances is none: steps are not that fine.
 SHORTEST_FLIGHT = 2
-#: Farther than this, in m, a contact slides that moves while it bears something; faster than this, in m/s, on those frames.
+#: Farther than this, in m, a contact slides that moves while it bears something; on frames on which it is faster than
+#: this, in m/s.
 SLIDES, SLOWLY = 0.01, 1e-2
 #: What the new spec calls the motion that it starts from.
 STEPS = "steps"
@@ -86,7 +87,7 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
 
 
 def _slides(speed: NDArray[np.float64], first: int, last: int) -> Iterator[Range]:
-    """A stance in parts: where it stands, and where it slides which way, from the frame before it moves to that after."""
+    """A stance in parts: where it stands, and where it slides which way, at rest at the first and the last frame."""
     ways = np.where(np.abs(speed) > SLOWLY, np.sign(speed), 0.0)
     reached = first
     moves = [
