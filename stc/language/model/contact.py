@@ -257,9 +257,9 @@ class Contacts(Schedule):
         span = self.context.span(contact.statement)
         yield Relation(up, ZERO, None, where, span, f"{contact.name} pushes ({what})")
         along = [dot(vector(tangent), force) for tangent in surface.tangents]
+        rates = self.velocities(contact, phase, "after" if what == "impulse" else "")
+        moving = [k for k in (0, 1) if rates[k] is not ZERO]
         if phase.way:
-            rates = self.velocities(contact, phase, "after" if what == "impulse" else "")
-            moving = [k for k in (0, 1) if rates[k] is not ZERO]
             if len(moving) != 1:
                 message = f"`{contact.name}` can slide in more than one direction, or in none"
                 hint = "a schedule states sliding in a plane, along one line"
@@ -271,6 +271,12 @@ class Contacts(Schedule):
             yield Relation(
                 mul(way, rates[moving[0]]), ZERO, None, where, span, f"{contact.name} slides that way"
             )
+            return
+        if contact.kind == "point" and what == "impulse" and len(moving) == 1:
+            # In a plane the cone has an inside at its apex, and what stands already may take no part of an impact.
+            for sign in (1.0, -1.0):
+                within = sub(mul(friction, up), mul(num(sign), along[moving[0]]))
+                yield Relation(within, ZERO, None, where, span, f"{contact.name} does not slip ({what})")
             return
         if contact.kind == "point":
             # A force of no account may be beyond the cone: at its apex, where feet lift off, it has no inside.

@@ -269,6 +269,18 @@ def test_what_slides_in_space_has_no_schedule(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_biped_steps_without_a_schedule(tmp_path: Path) -> None:
+    """One foot stands while the other lands: both have impulses within friction."""
+    rough = stc.load(DOCS / "step_free.stc").solve()
+    assert rough.status == "optimal"
+    (tmp_path / "two_legs.xml").write_text((DOCS / "two_legs.xml").read_text())
+    write_schedule(rough, tmp_path / "scheduled.stc")
+    solution = stc.load(tmp_path / "scheduled.stc").solve(n=100)
+    assert solution.status == "optimal"
+    assert validate(solution).passed
+
+
+@pytest.mark.slow
 def test_the_lamp_jumps_without_a_schedule(tmp_path: Path) -> None:
     rough = stc.load(DOCS / "lamp_free.stc").solve()
     assert rough.status == "optimal"
