@@ -19,10 +19,13 @@ __all__ = ["brought_down"]
 
 #: Where the constant starts: a force as large as the weight acts from so many m away.
 FIRST = 0.03
-#: What it is multiplied by from one solve to the next.
+#: What it is multiplied by from one solve to the next; by less only to the last value.
 FACTOR = 0.1
-#: Iterations of each solve but the last; the larger number where the smaller one has led to no solution.
-ITERATIONS = 50, 500
+#: Iterations of each solve but the last, which gets ten times as many; the larger number, and no end to the last one,
+#: where the smaller one has led to no solution.
+ITERATIONS = 30, 500
+#: How exactly all but the last are solved.
+TOLERANCE = 1e-2
 
 Solve = Callable[[float, Options, Start | None], Result]
 
@@ -30,7 +33,7 @@ Solve = Callable[[float, Options, Start | None], Result]
 def values(last: float) -> Iterator[float]:
     """The values of the constant in turn, ending with ``last``."""
     value = FIRST
-    while value > last:
+    while value * FACTOR > last:
         yield value
         value *= FACTOR
     yield last
@@ -59,7 +62,7 @@ def brought_down(solve: Solve, last: float, options: Options, start: Start | Non
     known = start is not None and start.row_multipliers is not None
     found: Result | None = None
     iterations = factorizations = 0
-    for most in (options.max_iterations,) if known else ITERATIONS:
+    for most in ITERATIONS[1:] if known else ITERATIONS:
         left = replace(options, max_iterations=options.max_iterations - iterations)
         found, ended = _walked(solve, [last] if known else [*values(last)], left, most, start)
         iterations += found.iterations
@@ -78,14 +81,17 @@ def _walked(
     Parameters
     ----------
     most
-        Iterations of each but the last.
+        Iterations of each but the last: see :data:`ITERATIONS`.
     """
     iterations = factorizations = 0
     last = by[-1]
     for value in by:
         left = options.max_iterations - iterations
-        few = replace(options, max_iterations=min(most, left), retries=0)
-        chosen = replace(options, max_iterations=left) if value == last else few
+        few = replace(
+            options, max_iterations=min(most, left), tolerance=max(TOLERANCE, options.tolerance), retries=0
+        )
+        whole = replace(options, max_iterations=left if most == ITERATIONS[-1] else min(10 * most, left))
+        chosen = whole if value == last else few
         warm = start is not None and start.row_multipliers is not None
         found = solve(value, replace(chosen, warm_start=warm), start)
         iterations += found.iterations

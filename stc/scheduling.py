@@ -20,28 +20,31 @@ from stc.arrays import stretches_of
 from stc.errors import Source, SpecError, UsageError
 from stc.language import syntax
 from stc.language.elaborate import elaborate
+from stc.language.model.schedule import WAYS
 from stc.language.parser import parse
-from stc.problem import FreeContact, VariableRef
+from stc.problem import VariableRef
 from stc.restated import source_of, stated_again
 from stc.solution import Solution
-from stc.symbolic.expr import symbols
+from stc.symbolic.expr import ZERO, symbols
 
 __all__ = ["found_ranges", "write_schedule"]
 
-Range = tuple[int, int]
+Range = tuple[int, int, str]
+"""First and last frame, and which way the contact slides there; nothing where it stands."""
 
 #: A contact stands where it bears this share of the weight.
 BEARS = 1e-2
 #: A flight of fewer frames than this between two stances is none: steps are not that fine.
 SHORTEST_FLIGHT = 2
-#: Farther than this, in m, a contact slides that moves while it stands.
-SLIDES = 0.01
+#: Farther than this, in m, a contact slides that moves while it bears something; on frames on which it is faster than
+#: this, in m/s.
+SLIDES, SLOWLY = 0.01, 1e-2
 #: What the new spec calls the motion that it starts from.
 STEPS = "steps"
 
 
 def found_ranges(solution: Solution) -> dict[str, list[Range]]:
-    """The frames on which each free contact stands, first and last.
+    """The frames on which each free contact stands or slides.
 
     Parameters
     ----------
@@ -51,7 +54,7 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
     Raises
     ------
     UsageError
-        Its spec has none, or one of them slides where it bears something, which no schedule can state.
+        Its spec has none, or one of them slides in space, which no schedule can state.
     """
     stated = stated_again(solution)
     contacts = stated.problem.free_contacts
@@ -61,30 +64,50 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
     recovery = stated.recovery(solution.x, solution.constants)
     steps = np.append(0.0, np.diff(solution.time))
 
-    def values(contact: FreeContact) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        speeds = [recovery.channel(rate).before for rate in contact.slip]
-        return recovery.channel(contact.pressure).before, np.sqrt(np.sum(np.square(speeds), axis=0))
-
-    found = {}
+    found: dict[str, list[Range]] = {}
     for contact in contacts:
-        pressure, speed = values(contact)
-        bears = pressure > BEARS * contact.weight
-        found[contact.name] = _ranges(bears)
-        for first, last in found[contact.name]:
-            way = float((speed * steps)[first + 2 : last].sum())  # an impact takes two steps
-            if way > SLIDES:
+        pressure = recovery.channel(contact.pressure).before
+        moving = [rate for rate in contact.slip if rate is not ZERO]
+        speeds = np.array([recovery.channel(rate).before for rate in moving]).reshape(len(moving), -1)
+        found[contact.name] = []
+        for first, last in _stances(pressure > BEARS * contact.weight):
+            way = np.abs(speeds * steps)[:, first + 2 : last].sum(axis=1)  # an impact takes two steps
+            if way.max(initial=0.0) <= SLIDES:
+                found[contact.name].append((first, last, ""))
+            elif len(moving) == 1:
+                found[contact.name] += _slides(speeds[0], first, last)
+            else:
                 raise UsageError(
-                    f"`{contact.name}` slides by {way:.3g} m on frames {first} to {last}, and what a schedule says of "
-                    "a contact is that it stands",
+                    f"`{contact.name}` slides by {way.max():.3g} m on frames {first} to {last}, and a schedule can say "
+                    "that of motions in a plane alone",
                     "let the solver look for a motion in which it stands: leave out `slides`, or ask more for the "
                     "accelerations of what makes many small steps",
                 )
     return found
 
 
-def _ranges(bears: NDArray[np.bool_]) -> list[Range]:
+def _slides(speed: NDArray[np.float64], first: int, last: int) -> Iterator[Range]:
+    """A stance in parts: where it stands, and where it slides which way, at rest at the first and the last frame."""
+    ways = np.where(np.abs(speed) > SLOWLY, np.sign(speed), 0.0)
+    reached = first
+    moves = [
+        (max(first, begin + first - 1), min(last, end + first), word)
+        for word, way in WAYS.items()
+        for begin, end in stretches_of(ways[first : last + 1] == way)
+    ]
+    for begin, end, word in sorted(moves):
+        begin = max(begin, reached)
+        if begin - reached > 0:
+            yield reached, begin, ""
+        yield begin, end, word
+        reached = end
+    if reached < last:
+        yield reached, last, ""
+
+
+def _stances(bears: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Stretches of frames on which a contact bears something, without gaps that are too short to be flights."""
-    found: list[Range] = []
+    found: list[tuple[int, int]] = []
     for first, end in stretches_of(bears):
         if found and first - found[-1][1] <= SHORTEST_FLIGHT:
             found[-1] = found[-1][0], end - 1
@@ -102,8 +125,9 @@ def _text(solution: Solution, ranges: Mapping[str, Sequence[Range]], table: str)
         lines = []
         for place in places:
             on = "" if place.on is None else f" on {place.on.name}"
-            for first, last in ranges[place.name.name]:
-                lines.append(f"{_header(first, last, solution.n)} {place.name.name}{on};")
+            for first, last, way in ranges[place.name.name]:
+                slides = f" slides {way}" if way else ""
+                lines.append(f"{_header(first, last, solution.n)} {place.name.name}{on}{slides};")
         end = max((place.end for place in places), default=block.end)
         end = text.find(";", end) + 1 or end
         text = text[: block.start] + "\n  ".join(lines) + text[end:]

@@ -72,7 +72,7 @@ def schedule(target: str, output: str | None, options: SolveOptions, *, force: b
         record.write(facts)
         return GOOD
     for name, frames in ranges.items():
-        listed = ", ".join(f"[{first}, {last}]" for first, last in frames)
+        listed = ", ".join(f"[{first}, {last}]{f' sliding {way}' * bool(way)}" for first, last, way in frames)
         print(f"{name:<12} stands on {listed}" if frames else f"{name:<12} never stands")
     settings = "".join(f" --set {name}={value:.12g}" for name, value in solution.overrides.items())
     print(f"{path} written, with {table} to start from; judge it with: stc run {path}{settings}")

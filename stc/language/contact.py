@@ -218,6 +218,9 @@ def _contacts(tree: syntax.SpecTree, trial: Context, diagnostics: Diagnostics) -
                     "contacts of a model can be free, those of a Lagrangian cannot",
                     hint,
                 )
+            elif statement.slides is not None:
+                hint = "state its rows: what it presses, and friction against the way"
+                _fail(diagnostics, statement.slides, "contacts of a Lagrangian stand, and cannot slide", hint)
             elif block.header is None:
                 hint = "put the frames into a range header before it, as in `[0, 20]: sole at 0;`"
                 _fail(diagnostics, statement, "a contact stands on a range of frames", hint)

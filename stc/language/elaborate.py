@@ -172,7 +172,9 @@ class _Elaborator(Context):
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
             left_out=[] if self.model is None else [word.name for word in self.model.statement.without],
-            relaxation=RELAXATION if self.table.kind(RELAXATION) else "",
+            relaxation=RELAXATION
+            if self.model_statements is not None and self.model_statements.is_relaxed()
+            else "",
             free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts(),
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
             fixtures=fixtures,

@@ -522,7 +522,11 @@ class _Parser(ExpressionParser):
             while self.kind == "," and len(at) < 3:
                 self.advance()
                 at.append(self.expression())
-        found = syntax.ContactPlace(name.start, self.ends[self.at - 1], name, at, on)
+        slides: syntax.Name | None = None
+        if self.kind == "name" and self.token_text(self.at) == "slides":
+            self.advance()
+            slides = self.name("which way, as in `slides forward`")
+        found = syntax.ContactPlace(name.start, self.ends[self.at - 1], name, at, on, slides)
         self.end_statement("the place of the contact")
         return found
 

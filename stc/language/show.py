@@ -108,7 +108,8 @@ def show_statement(node: syntax.Statement) -> str:
     if isinstance(node, syntax.ContactPlace):
         at = ", ".join(show_expression(place) for place in node.at)
         on = "" if node.on is None else f" on {node.on.name}"
-        return f"{node.name.name}{on} at {at};" if at else f"{node.name.name}{on};"
+        slides = "" if node.slides is None else f" slides {node.slides.name}"
+        return f"{node.name.name}{on} at {at}{slides};" if at else f"{node.name.name}{on}{slides};"
     if isinstance(node, syntax.Pose):
         return _pose(node) + ";"
     if isinstance(node, syntax.PoseDefinition):

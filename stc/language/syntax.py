@@ -249,12 +249,14 @@ class ContactDeclaration(Node):
 class ContactPlace(Node):
     """``sole at x, z, angle;`` in `contact:`; any number of them may be given, from the left.
 
-    ``on`` is the path of the surface in ``FL on geom.box at x, y;``.
+    ``on`` is the path of the surface in ``FL on geom.box at x, y;``, ``slides`` the word after ``slides`` in
+    ``box slides forward;``.
     """
 
     name: Name
     at: list[Expression]
     on: Name | None = None
+    slides: Name | None = None
 
 
 @dataclass(slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.model.contact import Contacts
-from stc.language.model.free import free_contacts, laws
+from stc.language.model.free import free_contacts, is_relaxed, laws
 from stc.language.model.holdings import Equalities
 from stc.language.model.pose_rows import Stated, Values
 from stc.language.model.poses import REFERENCE, Poses
@@ -147,6 +147,10 @@ class ModelStatements:
     def free_contacts(self) -> list[FreeContact]:
         """The contacts whose frames are left to the solver."""
         return free_contacts(self.contacts)
+
+    def is_relaxed(self) -> bool:
+        """Whether contacts may be off their laws by as much as a constant."""
+        return is_relaxed(self.contacts)
 
     def fixtures(self) -> list[Fixture]:
         """What is held, to which the way between poses is brought."""

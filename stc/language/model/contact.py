@@ -182,6 +182,8 @@ class Contacts(Schedule):
             return [_place(part, velocity[k], given[k : k + 1]) for k, part in enumerate(at)]
         up = dot(vector(surface.normal), velocity)
         found = [Place(up, sub(surface.height(at), num(contact.radius)))]
+        if phase.way:
+            return found
         for k, (along, tangent) in enumerate(zip(surface.along(at), surface.tangents, strict=True)):
             rate = dot(vector(tangent), velocity)
             if not contact.radius:
@@ -254,8 +256,29 @@ class Contacts(Schedule):
         up = dot(vector(surface.normal), force)
         span = self.context.span(contact.statement)
         yield Relation(up, ZERO, None, where, span, f"{contact.name} pushes ({what})")
+        along = [dot(vector(tangent), force) for tangent in surface.tangents]
+        rates = self.velocities(contact, phase, "after" if what == "impulse" else "")
+        moving = [k for k in (0, 1) if rates[k] is not ZERO]
+        if phase.way:
+            if len(moving) != 1:
+                message = f"`{contact.name}` can slide in more than one direction, or in none"
+                hint = "a schedule states sliding in a plane, along one line"
+                self.context.error(phase.statement, message, hint)
+                return
+            way, text = num(float(phase.way)), f"{contact.name} rubs against its sliding ({what})"
+            rubbing = along[moving[0]] + mul(way, mul(friction, up))
+            yield Relation(rubbing, ZERO, ZERO, where, span, text)
+            yield Relation(
+                mul(way, rates[moving[0]]), ZERO, None, where, span, f"{contact.name} slides that way"
+            )
+            return
+        if contact.kind == "point" and what == "impulse" and len(moving) == 1:
+            # In a plane the cone has an inside at its apex, and what stands already may take no part of an impact.
+            for sign in (1.0, -1.0):
+                within = sub(mul(friction, up), mul(num(sign), along[moving[0]]))
+                yield Relation(within, ZERO, None, where, span, f"{contact.name} does not slip ({what})")
+            return
         if contact.kind == "point":
-            along = [dot(vector(tangent), force) for tangent in surface.tangents]
             # A force of no account may be beyond the cone: at its apex, where feet lift off, it has no inside.
             spare = num((NEGLIGIBLE * self.scope.weight) ** 2)
             within = sub(
@@ -279,17 +302,20 @@ class Contacts(Schedule):
         for contact in self.contacts.values():
             for phase in contact.phases:
                 places = self.places(contact, phase)
+                moved = (
+                    slice(2, 3) if phase.way else slice(None)
+                )  # what slides is held along the normal alone
                 yield Holding(
                     name=contact.name,
                     path=contact.name,
                     frames=phase.frames,
                     span=self.context.span(phase.statement),
                     places=places,
-                    nearly=self._centre(contact, phase) if contact.radius else [],
-                    velocities=self.velocities(contact, phase),
-                    accelerations=self.accelerations(contact, phase),
+                    nearly=self._centre(contact, phase) if contact.radius and not phase.way else [],
+                    velocities=self.velocities(contact, phase)[moved],
+                    accelerations=self.accelerations(contact, phase)[moved],
                     landing=bool(phase.landing),
-                    at=() if contact.radius else self.paths.place(contact.frame)[0],
+                    at=() if contact.radius or phase.way else self.paths.place(contact.frame)[0],
                     height=None if contact.kind == "pin" else places[0].zero,
                     surface=phase.surface.name,
                 )
@@ -320,7 +346,7 @@ class Contacts(Schedule):
         for contact in self.contacts.values():
             for phase in contact.phases:
                 if phase.landing and "landing" in contact.options:
-                    speeds = self.velocities(contact, phase, "before")[:3]
+                    speeds = self.velocities(contact, phase, "before")[2 if phase.way else 0 : 3]
                     if contact.kind == "foot":  # of its edges
                         axes = self.scope.dynamics.kinematics.axes_of(contact.frame)
                         turning = self.paths.turning(contact.frame)[0]

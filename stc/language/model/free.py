@@ -11,14 +11,17 @@ dissipates the most it can: with the speed s,
     |v| <= s,    f.v + mu p s = 0
 
 The cones |f| <= mu p and |v| <= s are each other's dual, so that the sum is never negative; it is zero where v = 0 (the
-point sticks, with any friction in the cone) or f = -mu p v/|v| (it slides), and nothing else.  So friction is one
-product of cones, in the plane and in space, and needs no pyramid's directions (second-order cone complementarity; the
-law of maximal dissipation: Stewart and Trinkle 1996, Anitescu and Potra 1997; as constraints of an optimisation Posa,
-Cantu and Tedrake 2014).  A speed r that goes to zero with the relaxation rounds the tip of the cone of velocities, and
-a wide limit keeps s from drifting off where no force asks for it: r^2 <= s^2 - v.v <= r^2 + 1, in m^2/s^2.
+point sticks, with any friction in the cone) or f = -mu p v/|v| (it slides), and nothing else.  In space friction is
+this one product of cones and needs no pyramid's directions (second-order cone complementarity; the law of maximal
+dissipation: Stewart and Trinkle 1996, Anitescu and Potra 1997; as constraints of an optimisation Posa, Cantu and
+Tedrake 2014).  A speed r that goes to zero with the relaxation rounds the tip of the cone of velocities, and a wide
+limit keeps s from drifting off where no force asks for it: r^2 <= s^2 - v.v <= r^2 + 1, in m^2/s^2.  In the plane the
+sum is that of two products of numbers, 2 (f v + mu p s) = (mu p + f) (s + v) + (mu p - f) (s - v).
 
-The products may be as large as a constant, which the solve brings down (Scholtes 2001, :mod:`stc.relaxing`): at zero no
-point has room on all sides.
+Two methods bring the products to nothing, each where it was measured to be the better one (docs/complementarity.md).
+What stands, and what slides in space, may be off its law by as much as a constant, which the solve brings down
+(Scholtes 2001, :mod:`stc.relaxing`): at zero no point has room on all sides.  What slides in the plane is stated by
+complementary pairs, whose products are an exact penalty (:mod:`stc.solver.complementarity`).
 """
 
 from __future__ import annotations
@@ -28,9 +31,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from stc.language.model.scope import RELAXATION
+from stc.language.statements import complementary_relations
 from stc.mechanism.vectors import Vector, dot, vector
 from stc.problem import ConstantRef, FrameRange, FreeContact, Relation, VariableRef
-from stc.symbolic.expr import ONE, ZERO, Expr, mul, neg, num, sub, substitute, sum_of, sym, symbols
+from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, num, sub, substitute, sum_of, sym, symbols
 
 if TYPE_CHECKING:
     from stc.language.model.contact import Contacts
@@ -66,6 +70,12 @@ def free_contacts(contacts: Contacts) -> list[FreeContact]:
     return found
 
 
+def is_relaxed(contacts: Contacts) -> bool:
+    """Whether a constant tells how far free contacts may be off their laws."""
+    found = zip(contacts.free(), free_contacts(contacts), strict=True)
+    return any(not _by_pairs(contact, one) for contact, one in found)
+
+
 def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact) -> Iterator[Relation]:
     """Touching, pushing, sticking and sliding, at the end of every step."""
     where, pressure, surface = FrameRange(1, phase.frames.last), found.pressure, phase.surface
@@ -73,19 +83,16 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     def row(body: Expr, lower: Expr | None, upper: Expr | None, text: str) -> Relation:
         return Relation(body, lower, upper, where, found.span, f"{contact.name} {text}")
 
+    along = _along(contact, found)
+    friction = mul(contact.options["friction"], pressure)
+    if _by_pairs(contact, found):
+        yield from _pairs(contact, found, where, friction, *along[0])
+        return
     allowed = mul(sym(ConstantRef(RELAXATION)), num(found.weight))
     for gap in found.gaps:
         yield row(gap, ZERO, None, f"is not below the {surface.name}")
     yield row(pressure, ZERO, None, "pushes")
     yield row(mul(pressure, sum_of(found.gaps)), None, allowed, "pushes where it touches")
-    moving = [rate for rate in found.slip if rate is not ZERO]
-    force = _force(contact)
-    along = [
-        (dot(vector(tangent), force), rate)
-        for tangent, rate in zip(surface.tangents, found.slip, strict=False)
-        if rate is not ZERO
-    ]
-    friction = mul(contact.options["friction"], pressure)
     if len(along) == 1 and contact.kind == "point":
         for sign in (1.0, -1.0):
             yield row(sub(friction, mul(num(sign), along[0][0])), ZERO, None, "has friction within its cone")
@@ -93,6 +100,7 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
         parts = [sym(VariableRef(name)) for name in contact.forces]
         yield from contacts.cone(contact, phase, parts, where)
     allowed = mul(num(RATE), allowed)
+    moving = [rate for rate in found.slip if rate is not ZERO]
     if not contact.says("slides"):
         for rate in moving:
             yield row(mul(pressure, rate), neg(allowed), allowed, "stands still where it touches")
@@ -107,6 +115,42 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     yield row(sub(mul(slip, slip), squares), ZERO, ONE, "slides as fast as it moves")
     power = sum_of([*(mul(part, rate) for part, rate in along), mul(friction, sub(slip, still))])
     yield row(power, None, allowed, "rubs against its sliding, as much as it can")
+
+
+def _along(contact: Contact, found: FreeContact) -> list[tuple[Expr, Expr]]:
+    """The force and the velocity of a contact along each axis of its surface along which it can move."""
+    assert contact.free is not None
+    force = _force(contact)
+    return [
+        (dot(vector(tangent), force), rate)
+        for tangent, rate in zip(contact.free.surface.tangents, found.slip, strict=False)
+        if rate is not ZERO
+    ]
+
+
+def _by_pairs(contact: Contact, found: FreeContact) -> bool:
+    """Whether complementary pairs state the laws of a contact: where it may slide, along one line."""
+    return contact.says("slides") and len(_along(contact, found)) == 1
+
+
+def _pairs(
+    contact: Contact, found: FreeContact, where: FrameRange, friction: Expr, force: Expr, rate: Expr
+) -> Iterator[Relation]:
+    """Touching and sliding along a line, each side in a unit of its own: shares of the weight, m and 10 m/s."""
+
+    def pair(one: Expr, other: Expr, text: str) -> list[Relation]:
+        return complementary_relations(
+            div(one, num(found.weight)), other, where, found.span, f"{contact.name} {text}"
+        )
+
+    slip = sym(VariableRef(contact.slip))
+    for gap in found.gaps:
+        yield from pair(found.pressure, gap, "pushes where it touches")
+    text = f"{contact.name} slides as fast as it moves"
+    yield Relation(sub(mul(slip, slip), mul(rate, rate)), None, ONE, where, found.span, text)
+    for sign in (num(1.0), num(-1.0)):
+        room, ahead = friction + mul(sign, force), div(slip + mul(sign, rate), num(RATE))
+        yield from pair(room, ahead, "rubs against its sliding")
 
 
 def _first_frame(contact: Contact, found: FreeContact) -> Iterator[Relation]:

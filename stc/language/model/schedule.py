@@ -19,6 +19,8 @@ from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, num
 
 OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "radius", "soft", "sudden", "slides")
+#: Which way a contact slides, along the axis of its surface along which it can move.
+WAYS = {"forward": 1, "backward": -1}
 #: How high above a straight way a contact is carried in the middle of its flight, in m, where nothing is said.
 CLEARANCE = 0.01
 
@@ -33,6 +35,7 @@ class Phase:
         surface: what it stands on.
         place: the coordinates along the surface's two axes where they are given, and for a foot its yaw.
         landing: counts the impacts of this contact from 1; 0 where none begins the phase.
+        way: 1 where it slides along the surface's axis, -1 where it slides against that; 0 where it stands.
     """
 
     frames: FrameRange
@@ -40,6 +43,7 @@ class Phase:
     surface: Surface
     place: list[Expr]
     landing: int = 0
+    way: int = 0
 
 
 @dataclass(slots=True)
@@ -258,11 +262,32 @@ class Schedule:
         except PathError as error:
             self.context.error(statement.on or statement, error.message, error.hint)
             return
-        phase = Phase(where, statement, surface, [])
+        phase = Phase(where, statement, surface, [], way=self._way(contact, statement, block))
         if not block.free:
             contact.phases.append(phase)
         else:
             self._free(contact, phase)
+
+    def _way(self, contact: Contact, statement: syntax.ContactPlace, block: syntax.Block) -> int:
+        """Which way a contact slides on a range of frames; 0 where it stands."""
+        word = statement.slides
+        if word is None:
+            return 0
+        if block.free:
+            hint = f"write `slides` among the options of `{contact.name}`: it may slide then, either way"
+            self.context.error(word, f"which way `{contact.name}` slides is left to the solver", hint)
+        elif word.name not in WAYS:
+            hint = (
+                did_you_mean(word.name, WAYS)
+                or "along the axis of its surface it slides `forward`, or `backward`"
+            )
+            self.context.error(word, f"nothing slides `{word.name}`", hint)
+        elif contact.kind != "point":
+            hint = "let the corners of its sole slide, each as a `point(body.NAME, x, y, z)`"
+            self.context.error(word, f"a {contact.kind} stands, and cannot slide", hint)
+        elif statement.at:
+            self.context.error(statement, f"`{contact.name}` slides, and has no place", "leave out `at`")
+        return WAYS.get(word.name, 0)
 
     def _free(self, contact: Contact, phase: Phase) -> None:
         """Leave it to the solver when a contact stands."""
@@ -287,14 +312,17 @@ class Schedule:
             hint = "leave all of its frames to the solver, or none"
             self.context.error(contact.phases[0].statement, message, hint)
         for before, after in pairwise(contact.phases):
-            if after.frames.first <= before.frames.last:
+            joins = before.way != after.way and before.surface == after.surface
+            if after.frames.first < before.frames.last + (not joins):
                 message = f"`{contact.name}` stands already on {before.frames}"
                 self.context.error(after.statement, message, "its ranges may not overlap")
         landed = 0
+        touched = 0
         for phase in contact.phases:
-            if phase.frames.first > 0 and not contact.says("soft"):
+            if phase.frames.first > touched and not contact.says("soft"):
                 landed += 1
                 phase.landing = landed
+            touched = phase.frames.last
 
     def landings(self) -> list[str]:
         """The names of all impulses, parameters of the problem."""

@@ -362,7 +362,7 @@ SLIP = "slip"
 RELAXATION = "contact.relaxation"
 
 #: Its value in a solution: the weight of everything at so many m above the surface.
-RELAXED = 1e-6
+RELAXED = 1e-5
 
 
 def declared_names(tree: syntax.SpecTree) -> Iterator[tuple[str, syntax.Node]]:

@@ -1,0 +1,136 @@
+"""Contact without a schedule: what is found from the guess and from random starts, and whether it is valid.
+
+    python bench/free_contact.py [--starts 20] [--only hops_free,step_free] [--write]
+
+The pages ``docs/*_free.stc`` are solved from their own guess and from others, with three sine waves of up to 0.1 m or
+rad each added to every coordinate.  What each solve finds is written as a schedule, solved to full order with more
+frames, and validated in MuJoCo: a start counts as valid where all of that succeeds.  Times are those of the processor,
+of the free solve alone, with one thread.  ``--write`` puts the table into docs/complementarity.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import tempfile
+import time
+import warnings
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+import stc
+from stc.errors import StcError
+from stc.problem import VariableRef
+from stc.scheduling import write_schedule
+from stc.solution import Solution
+from stc.symbolic.expr import symbols
+from stc.validate import validate
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGE = DOCS / "complementarity.md"
+BEGIN, END = "<!-- free -->\n", "<!-- end of free -->"
+#: With how many times as many frames the schedule of each page is solved.
+FINER = {"lamp_free": 5}
+USUAL = 2
+WAVES, SIZE = 3, 0.1
+MOST = 1500
+HEAD = """
+| page | frames | unknowns | from the guess; CPU s | solved | median | most | schedule | valid | within 150 |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+
+
+def coordinates(model: stc.Model) -> list[str]:
+    """The variables for the places of joints."""
+    problem = model.problem()
+    rates = {name for rotation in problem.rotations for name in rotation.velocity}
+    found = [
+        key.name
+        for line in problem.replay
+        if line.kind == "joint"
+        for key in symbols(line.body)
+        if isinstance(key, VariableRef) and key.name not in rates
+    ]
+    return list(dict.fromkeys(found))
+
+
+def waves(rng: np.random.Generator, frames: int) -> np.ndarray:
+    """A few sine waves over the motion, (frames,)."""
+    s = np.linspace(0.0, np.pi, frames)
+    found = np.zeros(frames)
+    for k in range(1, WAVES + 1):
+        found += SIZE * rng.uniform(-1.0, 1.0) * np.sin(k * s + rng.uniform(0.0, 2.0 * np.pi))
+    return found
+
+
+def polished(path: Path, rough: Solution) -> tuple[int, bool]:
+    """Iterations with the schedule that was found, and whether what comes of it is valid."""
+    with tempfile.TemporaryDirectory() as folder:
+        for model in path.parent.glob("*.xml"):
+            shutil.copy(model, folder)
+        try:
+            write_schedule(rough, Path(folder) / "scheduled.stc")
+            n = FINER.get(path.stem, USUAL) * rough.n
+            solution = stc.load(Path(folder) / "scheduled.stc").solve(n=n, max_iterations=MOST)
+        except StcError:
+            return 0, False
+        return solution.iterations, solution.status == "optimal" and validate(solution).passed
+
+
+def measured(path: Path, starts: int) -> str:
+    """A line of the table."""
+    model = stc.load(path)
+    guess = model.solve(max_iterations=0)
+    names = coordinates(model)
+    spent, times, schedules = [], [], []
+    solved = valid = quickly = 0
+    for seed in range(starts):
+        rng = np.random.default_rng(seed)
+        off = {name: np.asarray(guess[name]) + waves(rng, guess.n + 1) for name in names} if seed else None
+        begin = time.process_time()
+        rough = model.solve(guess=off, max_iterations=MOST)
+        times.append(time.process_time() - begin)
+        spent.append(rough.iterations)
+        good = False
+        if rough.status == "optimal":
+            solved += 1
+            iterations, good = polished(path, rough)
+            schedules.append(iterations)
+        valid += good
+        quickly += good and rough.iterations <= 150
+        print(
+            f"  {path.stem} {seed}: {rough.status}, {rough.iterations}, {'valid' if good else 'not valid'}",
+            flush=True,
+        )
+    return (
+        f"| {path.stem} | {guess.n} | {guess.x.size} | {spent[0]}; {median(times):.2g} | {solved} of {starts} | "
+        f"{median(spent):g} | {max(spent)} | {median(schedules or [0]):g} | {valid} of {starts} | {quickly} |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--starts", type=int, default=20)
+    parser.add_argument("--only", default="", help="pages, such as hops_free,step_free")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/complementarity.md")
+    asked = parser.parse_args()
+    only = set(filter(None, asked.only.split(",")))
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    warnings.simplefilter("ignore")
+    table = HEAD
+    for path in sorted(DOCS.glob("*_free.stc")):
+        if not only or path.stem in only:
+            line = measured(path, asked.starts)
+            print(line, flush=True)
+            table += line + "\n"
+    if asked.write:
+        text = PAGE.read_text()
+        begin, end = text.index(BEGIN) + len(BEGIN), text.index(END)
+        PAGE.write_text(text[:begin] + table + "\n" + text[end:])
+
+
+if __name__ == "__main__":
+    main()
