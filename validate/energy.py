@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.records import dataclass
+from stc.validate.dry_friction import DryFriction
+from stc.validate.limits import FRICTION_MISSING
 from stc.validate.progress import steps
 
 if TYPE_CHECKING:
@@ -68,7 +70,7 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     model.actuator_actearly[:] = 0  # states are those of the same instant
     data = mujoco.MjData(model)
-    outer = setup.all_forces
+    outer, dry = setup.all_forces, DryFriction(model)
     points, weights = np.polynomial.legendre.leggauss(_NODES)
     shares, weights = 0.5 * (points + 1.0), 0.5 * weights
 
@@ -83,7 +85,7 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
     starts = np.array([energies("after", k) for k in range(solution.n)])
     ends = np.array([energies("before", k) for k in range(1, solution.n + 1)])
     after, before = starts.sum(axis=1), ends.sum(axis=1)
-    work, effort, force = np.zeros(solution.n), 0.0, 0.0
+    work, rubbed, effort, force = np.zeros(solution.n), np.zeros(solution.n), 0.0, 0.0
     durations = np.diff(solution.time)
     for step in steps("energy balance", solution.n):
         duration = durations[step]
@@ -94,16 +96,19 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
         for k, weight in enumerate(weights):
             if untied is not None:
                 untied.put(data, rests[k])
-            setup.reference.put(data, [states[0][k], states[1][k]])
+            setup.reference.put(data, [part[k] for part in states])
+            friction = dry.force(data.qvel, data.qacc)
             data.ctrl[setup.controls.addresses] = controls[k]
             data.act[setup.activations.addresses] = activations[k]
             outer.apply(model, data, forces[k])
             mujoco.mj_forward(model, data)
-            power = _powers(model, data)
+            power = _powers(model, data, friction)
             work[step] += duration * weight * float(power.sum())
+            rubbed[step] += duration * weight * float(dry.loss @ np.abs(data.qvel))
             effort += duration * weight * float(np.abs(power).sum())
             force = max(force, *(float(np.abs(part).max()) for part in (data.qfrc_bias, data.qfrc_smooth)))
-    books = np.cumsum(before - after - work)
+    # What the friction of joints takes is known as well as that friction itself.
+    books = np.maximum(0.0, np.abs(np.cumsum(before - after - work)) - FRICTION_MISSING * np.cumsum(rubbed))
     levels = np.concatenate([after, before])
     jumps = after[1:] - before[:-1]
     largest = float(jumps[np.argmax(np.abs(jumps))]) if len(jumps) else 0.0
@@ -114,11 +119,11 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
     return EnergyBalance(float(np.abs(books).max()), turnover, largest)
 
 
-def _powers(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+def _powers(model: mujoco.MjModel, data: mujoco.MjData, friction: FloatArray) -> FloatArray:
     """(nv + tendons,) power of all that is neither inertia nor potential, per degree of freedom and tendon, in W."""
     # MuJoCo counts gravity and springs as potentials, and compensated gravity not at all.  Where actuators
     # compensate it, it is among their forces already.
     compensated = np.where(model.jnt_actgravcomp[model.dof_jntid], 0.0, data.qfrc_gravcomp)
     force = data.qfrc_actuator + data.qfrc_applied + data.qfrc_damper + compensated + data.qfrc_fluid
-    joints = force * data.qvel - model.dof_frictionloss * np.abs(data.qvel)
+    joints = (force + friction) * data.qvel
     return np.concatenate([joints, -model.tendon_frictionloss * np.abs(data.ten_velocity)])

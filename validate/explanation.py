@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stc.records import dataclass
-from stc.validate.inverse import places_of, without_dry_friction
+from stc.validate.dry_friction import DryFriction
+from stc.validate.inverse import places_of
 from stc.validate.metrics import FloatArray
 from stc.validate.model import actuator_names, joint_names
 
@@ -136,7 +137,7 @@ class _Residuals:
             needed = data.qfrc_inverse.copy()
             mujoco.mj_fwdActuation(model, data)
             left = needed - data.qfrc_actuator - data.qfrc_applied
-            found.append(without_dry_friction(left, data.qvel, model.dof_frictionloss))
+            found.append(DryFriction(model).without(left, data.qvel, data.qacc))
         return np.concatenate(found)
 
     def fitted(self, numbers: _Numbers, given: FloatArray) -> tuple[FloatArray, float]:

@@ -23,6 +23,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate import limits
+from stc.validate.dry_friction import DryFriction
 from stc.validate.equalities import Equalities
 from stc.validate.metrics import FloatArray
 from stc.validate.progress import steps
@@ -40,9 +41,6 @@ Drive = tuple[FloatArray, FloatArray]
 #: What hangs on joints that the spec does not tie may be too light to be in its equations: up to this share of the
 #: largest force.
 _NEGLIGIBLE = 1e-6
-
-#: A joint that is slower (m/s or rad/s) is at rest for its dry friction.
-AT_REST = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +99,10 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
 
     flags = mujoco.mjtDisableBit
     model.opt.disableflags |= int(flags.mjDSBL_EQUALITY) | int(flags.mjDSBL_LIMIT)
-    loss = np.zeros(model.nv)
+    dry = None
     if not model.tendon_frictionloss.any():  # where it is, MuJoCo's own law has to do for all
         model.opt.disableflags |= int(flags.mjDSBL_FRICTIONLOSS)
-        loss = model.dof_frictionloss
+        dry = DryFriction(model)
     model.actuator_actearly[:] = 0  # states are those of the same instant
     data = mujoco.MjData(model)
     ties = Equalities(setup.model(contacts=False))
@@ -144,7 +142,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
             scale, *(float(np.abs(f[order]).max()) for f in (needed, delivered, data.qfrc_bias, gathered))
         )
         left = ties.without(data.qpos, needed - delivered)
-        return np.abs(without_dry_friction(left, data.qvel, loss))
+        return np.abs(left if dry is None else dry.without(left, data.qvel, data.qacc))
 
     first, last = solution.force_frames or (0, solution.n)
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)
@@ -183,13 +181,6 @@ def _only(chosen: np.ndarray, force: FloatArray) -> FloatArray:
     found = np.zeros_like(force)
     found[chosen] = force[chosen]
     return found
-
-
-def without_dry_friction(force: FloatArray, velocity: FloatArray, loss: FloatArray) -> FloatArray:
-    """(nv,) what is left of a generalised force without the joints' dry friction, at most ``loss`` each."""
-    at_rest = np.abs(velocity) <= AT_REST
-    friction = np.where(at_rest, np.clip(force, -loss, loss), -loss * np.sign(velocity))
-    return np.asarray(force - friction)
 
 
 def places_of(first: int, last: int, method: str) -> list[tuple[str, int]]:

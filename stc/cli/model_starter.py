@@ -30,7 +30,7 @@ _ITERATIONS, _SECONDS = 200, 20.0
 #: motion is that of rigid ones.
 _STIFF = 5e-4
 #: Lever, in m, at which the weight makes a torque: its square weighs movement (rad^2/s^2) against squared torques.
-_STILLNESS = 0.1
+_STILLNESS = 1.0
 #: The share of friction that the page uses: within MuJoCo's pyramid of forces, and with something to spare.
 _GRIP = 0.7
 
@@ -51,6 +51,8 @@ class _Page:
         How long.
     feet
         Contacts that stand, and their places.
+    points
+        Geoms of these that resist turning and rolling, which points do not.
     changes
         Joints that differ from the model's pose, and their values.
     pinned, ends
@@ -62,6 +64,7 @@ class _Page:
     title: str
     seconds: float = 0.5
     feet: Sequence[str] = ()
+    points: Sequence[str] = ()
     changes: Changes = ()
     pinned: bool = True
     ends: bool = True
@@ -125,8 +128,9 @@ def _pages(mechanism: Mechanism) -> Iterator[_Page]:
     travels = _travels(mechanism)
 
     def standing(title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
-        feet = [f"{spot.written}, friction = {_GRIP * stance.friction:.6g}" for spot in spots]
-        return _Page(title, feet=feet, changes=changes, pinned=pinned)
+        feet = [f"{spot.written}, friction = {_GRIP * spot.friction:.6g}" for spot in spots]
+        points = sorted({spot.resists for spot in spots if spot.resists and spot.written.startswith("point")})
+        return _Page(title, feet=feet, points=points, changes=changes, pinned=pinned)
 
     if travels and mechanism.actuators and "contact" not in mechanism.options.disabled:
         level = stance.lowest(_LEVEL)
@@ -196,12 +200,15 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
                 "# The model has no actuators. A force on a joint is stated, and handed to MuJoCo, by",
             ]
             lines += [f"# variables: u;   forces: {joint}: u;   replay: apply {joint} = u;"]
+    settings = []
     if page.feet and _gives_way(mechanism):
-        lines += [
-            "",
-            "replay:                   # the model's contacts give way; those of this page are rigid",
-        ]
-        lines += [f"  set option.solref.time = {_STIFF:g};"]
+        settings += ["  # the model's contacts give way; those of this page are rigid"]
+        settings += [f"  set option.solref.time = {_STIFF:g};"]
+    if page.points:
+        settings += ["  # the model's contacts resist turning and rolling; those of this page are points"]
+    for geom in page.points:
+        settings += [f"  set {geom}.friction.spin = 0; set {geom}.friction.roll = 0;"]
+    lines += ["", "replay:", *settings] if settings else []
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
     if page.feet and page.pinned:

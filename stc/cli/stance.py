@@ -52,13 +52,17 @@ class Spot:
         body: its number.
         at: in the body's frame, in m.
         radius: of the ball, in m.
+        friction: sliding friction on the floor.
         written: how the language names it.
+        resists: the path of its geom, where that has friction against turning and rolling, and a name.
     """
 
     body: int
     at: tuple[float, float, float]
     radius: float
+    friction: float
     written: str
+    resists: str = ""
 
 
 class Stance:
@@ -76,8 +80,8 @@ class Stance:
         self.mechanism = mechanism
         self.start = np.array(start, float)
         self.scope = ModelScope(syntax.ModelFile(0, 0, ""), Path(), mechanism)
-        surface = floor(self.scope)
-        self.up, self.friction = np.array(surface.normal), surface.friction
+        self.floor = floor(self.scope)
+        self.up = np.array(self.floor.normal)
         self.drawn = self.start.copy()
         for index, value in self._inside(0.0).items():
             self.start[mechanism.joints[index].qpos] = value
@@ -129,7 +133,9 @@ class Stance:
                 ]
                 place = f"point({path_of('body', name)}, {x:.6g}, {y:.6g}, {z:.6g})"
                 ball = f", radius = {radius:.6g}" if radius else ""
-                yield Spot(geom.body, (x, y, z), radius, written or place + ball)
+                friction = self.floor.friction_with(geom)
+                resists = path_of("geom", geom.name) if geom.condim > 3 and geom.name else ""
+                yield Spot(geom.body, (x, y, z), radius, friction, written or place + ball, resists)
 
     def lowest(self, near: float) -> list[Spot]:
         """The places that are lowest in the pose to look at, of bodies that carry no others that are.

@@ -77,6 +77,8 @@ class Joint:
         damping, damping_poly: of each degree of freedom; the force is -v (d + p0 abs(v) + p1 v^2).
         armature: inertia of the drive, kg or kg m^2, of each degree of freedom.
         frictionloss: the bound of dry friction, N or N m, of each degree of freedom.
+        friction_damping, friction_softness: dry friction is -(a + damping v)/softness at an acceleration a and a
+            velocity v, up to its bound, in 1/s and 1/kg or 1/(kg m^2) of each degree of freedom.
         force_limited, force_range: the bound of the actuators' sum.
         gravcomp_by_actuators: whether the compensation of weight counts as an actuator's force.
     """
@@ -99,6 +101,8 @@ class Joint:
     damping_poly: tuple[float, ...]
     armature: float
     frictionloss: float
+    friction_damping: float
+    friction_softness: tuple[float, ...]
     force_limited: bool
     force_range: Range
     gravcomp_by_actuators: bool

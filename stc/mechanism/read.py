@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from stc.errors import StcError
 from stc.mechanism.mechanism import (
     COORDINATES,
+    FREEDOMS,
     Actuator,
     Body,
     Equality,
@@ -229,6 +230,8 @@ class _Reader:
             kind = kinds[m.jnt_type[i]]
             q, d = int(m.jnt_qposadr[i]), int(m.jnt_dofadr[i])
             coordinates = slice(q, q + COORDINATES[kind])
+            damping, softness = self._softness(m.dof_solref[d], m.dof_solimp[d])
+            freedoms = slice(d, d + FREEDOMS[kind])
             joints.append(
                 Joint(
                     name=self.joint_names[i],
@@ -249,6 +252,8 @@ class _Reader:
                     damping_poly=_floats(m.dof_dampingpoly[d]),
                     armature=float(m.dof_armature[d]),
                     frictionloss=float(m.dof_frictionloss[d]),
+                    friction_damping=damping,
+                    friction_softness=tuple([softness * float(w) for w in m.dof_invweight0[freedoms]]),
                     force_limited=bool(m.jnt_actfrclimited[i]),
                     force_range=_floats(m.jnt_actfrcrange[i]),
                     gravcomp_by_actuators=bool(m.jnt_actgravcomp[i]),
@@ -256,6 +261,18 @@ class _Reader:
                 )
             )
         return tuple(joints)
+
+    def _softness(self, solref: Sequence[float], solimp: Sequence[float]) -> tuple[float, float]:
+        """How MuJoCo's dry friction gives way: the damping of what slips, 1/s, and the softness of an inertia of 1."""
+        least, most = [min(max(float(d), 1e-4), 1.0 - 1e-4) for d in solimp[:2]]
+        time, ratio = [float(part) for part in solref]
+        if time <= 0.0:
+            return -ratio / most, 1.0 / least - 1.0
+        import mujoco
+
+        safe = not self.m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+        time = max(time, 2.0 * float(self.m.opt.timestep)) if safe else time
+        return 2.0 / (most * time), 1.0 / least - 1.0
 
     def _geoms(self) -> tuple[Geom, ...]:
         m = self.m

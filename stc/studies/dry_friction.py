@@ -13,7 +13,7 @@ from stc.records import dataclass
 from stc.solution import Solution
 from stc.studies.terms import STATIC, TOGETHER, Difference
 from stc.trajectory import Channel
-from stc.validate.inverse import AT_REST
+from stc.validate.dry_friction import AT_REST
 from stc.validate.model_equations import ModelEquations
 
 FloatArray = NDArray[np.float64]

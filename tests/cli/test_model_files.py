@@ -70,7 +70,7 @@ def test_a_starter_of_a_leg_whose_file_draws_it_beyond_a_stop_solves(
     assert knee.min() > np.radians(20) - 1e-6
 
 
-@pytest.mark.parametrize("name", ["hopper", "ant"])
+@pytest.mark.parametrize("name", ["hopper", "ant", "half_cheetah"])
 def test_a_starter_of_a_robot_of_others_stands_and_passes_validation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:

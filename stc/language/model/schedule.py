@@ -368,14 +368,11 @@ class Schedule:
         return self.context.builder.build(node)
 
     def _friction(self, contact: Contact) -> float:
-        """Of the pair of geoms, as MuJoCo combines it: the larger of the two."""
-        ours = 0.0
-        if contact.path[0] == "geom":
-            index = index_of(self.scope.mechanism.geoms, contact.path[1])
-            ours = 0.0 if index is None else self.scope.mechanism.geoms[index].friction[0]
+        """Of the pair of geoms, as MuJoCo combines it; the least of them where it stands on several surfaces."""
+        index = index_of(self.scope.mechanism.geoms, contact.path[1]) if contact.path[0] == "geom" else None
+        geom = None if index is None else self.scope.mechanism.geoms[index]
         standing = contact.phases if contact.free is None else [contact.free]
-        surfaces = [phase.surface.friction for phase in standing]
-        return max([ours, *surfaces], default=1.0)
+        return min((phase.surface.friction_with(geom) for phase in standing), default=1.0)
 
 
 def _moved(pos: Sequence[float], quat: Sequence[float], along: float) -> Vector:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from stc.language.context import Context
 from stc.language.model.paths import parts_of
 from stc.language.model.scope import ModelScope, path_of
 from stc.mechanism.forces import Forces
 from stc.problem import ConstantRef, Relation, ReplayChannel, VariableRef
-from stc.symbolic.expr import ZERO, Expr, mul, num, sub, sum_of, sym
+from stc.symbolic.expr import ONE, ZERO, Expr, add, call, mul, num, sub, sum_of, sym
+
+#: How far the corners of dry friction, of height 1, are rounded: Newton's method sees slopes there.
+_ROUNDED = 0.3
 
 
 def equations_of_motion(context: Context, scope: ModelScope, forces: Forces) -> list[Relation]:
@@ -61,16 +65,14 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
         lower, upper = [num(end) if math.isfinite(end) else None for end in ends]
         return Relation(body, lower, upper, where, span, text)
 
-    def dry(name: str, rate: Expr, most: float) -> Iterator[Relation]:
-        # Dry friction takes energy and gives none.
-        yield between(sym(VariableRef(name)), (-most, most), f"bound of {name}")
-        body = mul(sym(VariableRef(name)), rate)
-        yield Relation(body, None, ZERO, where, span, f"{name} acts against the motion")
-
     for one in scope.coordinates:
         joint = one.joint
-        for name, rate in zip(one.friction, one.rates, strict=False):
-            yield from dry(name, sym(rate), joint.frictionloss)
+        for name, rate, softness in zip(one.friction, one.rates, joint.friction_softness, strict=False):
+            pull = add(sym(replace(rate, order=rate.order + 1)), mul(num(joint.friction_damping), sym(rate)))
+            at_bound = joint.frictionloss * softness
+            law = mul(num(joint.frictionloss), _clipped(mul(num(1.0 / at_bound), pull)))
+            body = add(sym(VariableRef(name)), law)
+            yield Relation(body, ZERO, ZERO, where, span, f"{name} acts against the motion")
         if joint.force_limited:
             for dof in joint.dofs:
                 yield between(
@@ -110,7 +112,19 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
         if index in scope.tendon_friction:
             name = scope.tendon_friction[index]
             slip = scope.dynamics.tendons[index].rate
-            yield from dry(name, slip, tendon.frictionloss)
+            # Friction along a tendon is unknown: within its bound, and it takes energy.
+            force, most = sym(VariableRef(name)), tendon.frictionloss
+            yield between(force, (-most, most), f"bound of {name}")
+            yield Relation(mul(force, slip), None, ZERO, where, span, f"{name} acts against the motion")
+
+
+def _clipped(x: Expr) -> Expr:
+    """A number within -1 and 1, rounded where it meets these: off by half of the rounding there, and less elsewhere."""
+
+    def rounded(y: Expr) -> Expr:
+        return call("sqrt", add(mul(y, y), num(_ROUNDED**2)))
+
+    return mul(num(0.5), sub(rounded(add(x, ONE)), rounded(sub(x, ONE))))
 
 
 def replay_lines(context: Context, scope: ModelScope) -> Iterator[ReplayChannel]:

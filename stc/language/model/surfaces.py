@@ -27,7 +27,7 @@ class Surface:
         name: what messages call it.
         normal, tangents: unit vectors.
         origin: where coordinates along it begin.
-        friction: sliding friction of its geom.
+        friction, priority: sliding friction of its geom, and which of two geoms decides on it.
     """
 
     name: str
@@ -35,6 +35,16 @@ class Surface:
     tangents: tuple[Axis, Axis]
     origin: Axis
     friction: float
+    priority: int = 0
+
+    def friction_with(self, geom: Geom | None) -> float:
+        """The sliding friction of a geom on this surface, as MuJoCo combines the two; of no geom, the surface's own.
+
+        Where one has the higher priority its own counts, else the larger of both.
+        """
+        if geom is None or geom.priority < self.priority:
+            return self.friction
+        return geom.friction[0] if geom.priority > self.priority else max(self.friction, geom.friction[0])
 
     def height(self, at: Vector) -> Expr:
         """The distance of a place from the plane."""
@@ -59,8 +69,8 @@ def floor(scope: ModelScope) -> Surface:
                 level = abs(turn[2, 2] - 1.0) < 1e-12
                 at = at + geom.margin * turn[:, 2]
                 origin = np.array([0.0, 0.0, at[2]]) if level else at
-                return _surface(geom.name or "floor", np.eye(3) if level else turn, origin, geom.friction[0])
-    return _surface("floor", np.eye(3), np.zeros(3), 1.0)
+                return _surface(geom.name or "floor", np.eye(3) if level else turn, origin, geom)
+    return _surface("floor", np.eye(3), np.zeros(3), None)
 
 
 def surface_of(scope: ModelScope, path: str) -> Surface:
@@ -97,7 +107,7 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
         turn = np.array([ahead, np.cross(normal, ahead), normal]).T
     else:
         at = at + geom.margin * turn[:, 2]
-    return _surface(rest[0], turn, at, geom.friction[0])
+    return _surface(rest[0], turn, at, geom)
 
 
 def _is_fixed(scope: ModelScope, geom: Geom) -> bool:
@@ -110,10 +120,11 @@ def _pose(scope: ModelScope, geom: Geom) -> tuple[np.ndarray, np.ndarray]:
     return turn @ rotation(geom.quat), at + turn @ np.array(geom.pos)
 
 
-def _surface(name: str, turn: np.ndarray, origin: np.ndarray, friction: float) -> Surface:
+def _surface(name: str, turn: np.ndarray, origin: np.ndarray, geom: Geom | None) -> Surface:
     def axis(k: int) -> Axis:
         x, y, z = [0.0 if abs(part) < 1e-15 else float(part) for part in turn[:, k]]
         return x, y, z
 
     x, y, z = [float(part) for part in origin]
-    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), friction)
+    friction, priority = (1.0, 0) if geom is None else (geom.friction[0], geom.priority)
+    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), friction, priority)

@@ -1,0 +1,74 @@
+"""Dry friction of joints, as MuJoCo has it: Coulomb's law, but where a joint hardly moves.
+
+MuJoCo's dry friction is a constraint that gives way. With the bound F, the force at a velocity v and an acceleration
+a is -F clip((a + b v)/(F R), -1, 1), where the damping b and the softness R follow from ``solreffriction``,
+``solimpfriction`` and the joint's inertia (MuJoCo's documentation, "Computation: the constraint model"). So it has its
+bound as soon as a joint moves visibly.  A motion may state either law.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stc.validate.limits import FRICTION_MISSING
+from stc.validate.metrics import FloatArray
+
+if TYPE_CHECKING:
+    import mujoco
+
+#: A joint that is slower (m/s or rad/s) is at rest for its dry friction.
+AT_REST = 1e-9
+
+#: From so many times the least pull at which it has its bound on friction has no more room, however that is rounded.
+_AT_BOUND = 2.0
+
+
+class DryFriction:
+    """The dry friction of a model's joints.
+
+    Parameters
+    ----------
+    model
+        The compiled model.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        import mujoco
+
+        self.loss = np.array(model.dof_frictionloss)
+        lowest, highest = mujoco.mjMINIMP, mujoco.mjMAXIMP
+        least, most = np.clip(np.array(model.dof_solimp)[:, :2].T, lowest, highest)
+        time, ratio = np.array(model.dof_solref).T
+        shortest = 0.0
+        if not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
+            shortest = 2.0 * model.opt.timestep
+        standard = time > 0.0
+        #: (nv,) 1/s.
+        self.damping = np.where(
+            standard, 2.0 / (most * np.where(standard, np.maximum(time, shortest), 1.0)), -ratio / most
+        )
+        #: (nv,) the acceleration of a joint at rest, in m/s^2 or rad/s^2, at which its friction has its bound.
+        self.bound = np.maximum(mujoco.mjMINVAL, self.loss * (1.0 - least) / least * model.dof_invweight0)
+
+    def force(self, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """(nv,) MuJoCo's own friction at velocities and accelerations (nv,)."""
+        return np.asarray(-self.loss * np.clip(self._pull(velocity, acceleration), -1.0, 1.0))
+
+    def _pull(self, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
+        return np.asarray((acceleration + self.damping * velocity) / self.bound)
+
+    def without(self, force: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """(nv,) what is left of generalised forces when all is taken away that dry friction can be.
+
+        That is anything within its bound at rest, and where the two laws differ; else the bound, up to the share that
+        the friction of contacts may miss as well.
+        """
+        pull = self._pull(velocity, acceleration)
+        loose = (np.abs(velocity) <= AT_REST) | (np.abs(pull) < _AT_BOUND) | (pull * velocity < 0.0)
+        full = -self.loss * np.sign(velocity)
+        nearly = (1.0 - FRICTION_MISSING) * full
+        low = np.where(loose, -self.loss, np.minimum(full, nearly))
+        high = np.where(loose, self.loss, np.maximum(full, nearly))
+        return np.asarray(force - np.clip(force, low, high))
