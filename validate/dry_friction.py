@@ -3,7 +3,7 @@
 MuJoCo's dry friction is a constraint that gives way. With the bound F, the force at a velocity v and an acceleration
 a is -F clip((a + b v)/(F R), -1, 1), where the damping b and the softness R follow from ``solreffriction``,
 ``solimpfriction`` and the joint's inertia (MuJoCo's documentation, "Computation: the constraint model"). So it has its
-bound as soon as a joint moves visibly.  A motion may state either law.
+bound as soon as a joint moves visibly.  A motion may state either law, MuJoCo's with its corners rounded.
 """
 
 from __future__ import annotations
@@ -21,8 +21,11 @@ if TYPE_CHECKING:
 #: A joint that is slower (m/s or rad/s) is at rest for its dry friction.
 AT_REST = 1e-9
 
-#: From so many times the least pull at which it has its bound on friction has no more room, however that is rounded.
+#: From so many times the least pull at which it has its bound on, friction has no more room than rounded corners leave.
 _AT_BOUND = 2.0
+#: The share of its bound that friction may miss there, times the square of that pull: twice what corners leave that are
+#: hyperbolas through 0.3 of the bound's pull, (sqrt((p + 1)^2 + 0.09) - sqrt((p - 1)^2 + 0.09))/2 = 1 - 0.045/p^2 + ...
+_ROUNDED = 0.09
 
 
 class DryFriction:
@@ -59,16 +62,23 @@ class DryFriction:
     def _pull(self, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
         return np.asarray((acceleration + self.damping * velocity) / self.bound)
 
+    def missing(self, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """(nv,) the share of its bound that friction may miss: all of it at rest, and where the two laws differ."""
+        pull = self._pull(velocity, acceleration)
+        loose = (np.abs(velocity) <= AT_REST) | (np.abs(pull) < _AT_BOUND) | (pull * velocity < 0.0)
+        rounded = np.minimum(FRICTION_MISSING, _ROUNDED / np.maximum(np.abs(pull), _AT_BOUND) ** 2)
+        return np.where(loose, 1.0, rounded)
+
     def without(self, force: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
         """(nv,) what is left of generalised forces when all is taken away that dry friction can be.
 
-        That is anything within its bound at rest, and where the two laws differ; else the bound, up to the share that
-        the friction of contacts may miss as well.
+        That is anything within its bound where all of it may be missing; else the bound against the motion, up to the
+        share that may.
         """
-        pull = self._pull(velocity, acceleration)
-        loose = (np.abs(velocity) <= AT_REST) | (np.abs(pull) < _AT_BOUND) | (pull * velocity < 0.0)
+        missing = self.missing(velocity, acceleration)
         full = -self.loss * np.sign(velocity)
-        nearly = (1.0 - FRICTION_MISSING) * full
+        nearly = (1.0 - missing) * full
+        loose = missing == 1.0
         low = np.where(loose, -self.loss, np.minimum(full, nearly))
         high = np.where(loose, self.loss, np.maximum(full, nearly))
         return np.asarray(force - np.clip(force, low, high))

@@ -13,7 +13,6 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate.dry_friction import DryFriction
-from stc.validate.limits import FRICTION_MISSING
 from stc.validate.progress import steps
 
 if TYPE_CHECKING:
@@ -85,7 +84,7 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
     starts = np.array([energies("after", k) for k in range(solution.n)])
     ends = np.array([energies("before", k) for k in range(1, solution.n + 1)])
     after, before = starts.sum(axis=1), ends.sum(axis=1)
-    work, rubbed, effort, force = np.zeros(solution.n), np.zeros(solution.n), 0.0, 0.0
+    work, unknown, effort, force = np.zeros(solution.n), np.zeros(solution.n), 0.0, 0.0
     durations = np.diff(solution.time)
     for step in steps("energy balance", solution.n):
         duration = durations[step]
@@ -97,18 +96,20 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
             if untied is not None:
                 untied.put(data, rests[k])
             setup.reference.put(data, [part[k] for part in states])
-            friction = dry.force(data.qvel, data.qacc)
+            acceleration = data.qacc.copy()
+            friction = dry.force(data.qvel, acceleration)
             data.ctrl[setup.controls.addresses] = controls[k]
             data.act[setup.activations.addresses] = activations[k]
             outer.apply(model, data, forces[k])
             mujoco.mj_forward(model, data)
             power = _powers(model, data, friction)
             work[step] += duration * weight * float(power.sum())
-            rubbed[step] += duration * weight * float(dry.loss @ np.abs(data.qvel))
+            missing = dry.missing(data.qvel, acceleration)
+            unknown[step] += duration * weight * float(missing * dry.loss @ np.abs(data.qvel))
             effort += duration * weight * float(np.abs(power).sum())
             force = max(force, *(float(np.abs(part).max()) for part in (data.qfrc_bias, data.qfrc_smooth)))
     # What the friction of joints takes is known as well as that friction itself.
-    books = np.maximum(0.0, np.abs(np.cumsum(before - after - work)) - FRICTION_MISSING * np.cumsum(rubbed))
+    books = np.maximum(0.0, np.abs(np.cumsum(before - after - work)) - np.cumsum(unknown))
     levels = np.concatenate([after, before])
     jumps = after[1:] - before[:-1]
     largest = float(jumps[np.argmax(np.abs(jumps))]) if len(jumps) else 0.0

@@ -36,7 +36,19 @@ def test_what_is_no_friction_is_left() -> None:
     steady, still, none = np.array([1.0, -1.0]), np.zeros(2), np.zeros(2)
     coulomb = np.array([-0.3, 0.1])
     assert not dry.without(coulomb, steady, none).any()
-    assert dry.without(np.zeros(2), steady, none) == pytest.approx(-0.98 * coulomb)
-    assert dry.without(-coulomb, steady, none) == pytest.approx(-1.98 * coulomb)
+    assert dry.without(np.zeros(2), steady, none) == pytest.approx(-coulomb, rel=1e-6)
+    assert dry.without(-coulomb, steady, none) == pytest.approx(-2.0 * coulomb, rel=1e-6)
     assert not dry.without(-coulomb, still, none).any()
     assert dry.without(2.0 * coulomb, still, none) == pytest.approx(coulomb)
+
+
+def test_rounded_corners_are_friction_but_not_much_less_than_the_bound() -> None:
+    dry = DryFriction(mujoco.MjModel.from_xml_string(ARM.format(timestep=0.002, solref="0.02 1")))
+    still = np.zeros(2)
+    for pull in (0.1, 0.9, 1.1, 2.1, 5.0, 30.0):  # of what it takes to have the bound
+        velocity = pull * dry.bound / dry.damping
+        corners = [np.sqrt((pull + side) ** 2 + 0.09) for side in (1.0, -1.0)]
+        force = -dry.loss * (corners[0] - corners[1]) / 2.0
+        assert not dry.without(force, velocity, still).any()
+        if pull > 2.0:
+            assert dry.without(0.97 * force, velocity, still).all()
