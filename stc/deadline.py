@@ -13,14 +13,14 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
 from stc.errors import EndedError
 
-__all__ = ["begin", "left", "look", "process_began", "unlimited", "until", "within"]
+__all__ = ["begin", "left", "look", "process_began", "spent", "unlimited", "until", "within"]
 
 #: Whether all work of this process is asked to stop; the command line says so.
 asked_to_stop = False
@@ -53,6 +53,15 @@ def within(seconds: float) -> Iterator[None]:
         yield
     finally:
         _until.reset(token)
+
+
+def spent(seconds: float) -> Callable[[object], bool]:
+    """A callback that stops a solve once this thread has taken so many seconds of processor time from here.
+
+    Unlike a time limit it ends at the same iterate, nearly, however much else the machine has to do.
+    """
+    end = time.thread_time() + seconds
+    return lambda _: time.thread_time() > end
 
 
 @contextmanager

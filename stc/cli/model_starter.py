@@ -15,6 +15,7 @@ from stc import pipeline
 from stc.bundled import with_text
 from stc.cli.model_files import find
 from stc.cli.stance import Spot, Stance
+from stc.deadline import spent
 from stc.errors import Source, StcError, UsageError
 from stc.language.model.scope import path_of, quoted
 from stc.mechanism.mechanism import Mechanism
@@ -24,7 +25,7 @@ from stc.records import dataclass
 
 #: Places of contact that are this much above the lowest one, in m, stand in the same pose; if legs may bend, these.
 _LEVEL, _NEAR = 1e-3, 0.1
-#: Limits of a trial solve: a page to start from is an easy one.
+#: Limits of a trial solve, in processor time: a page to start from is an easy one.
 _ITERATIONS, _SECONDS = 200, 20.0
 #: Contacts that take back slower than this what they give way by, in s, are made as stiff as this in the replay: the
 #: motion is that of rigid ones.
@@ -99,7 +100,7 @@ def starter(name: str, path: Path) -> str:
             return text
         if fate != _UNSOLVED:
             solved = solved or f"# It is solved, and fails in MuJoCo: {fate}.\n{text}"
-    return solved or f"# Within {_SECONDS:g} s it was not solved.\n{text}"
+    return solved or f"# Within {_SECONDS:g} s of processor time it was not solved.\n{text}"
 
 
 #: What becomes of a page that is not solved.
@@ -112,7 +113,7 @@ def _tried(text: str, path: Path) -> str:
 
     try:
         model = pipeline.Model(with_text(Source(path.stem, text, str(path))))
-        solution = model.solve(max_iterations=_ITERATIONS, time_limit=_SECONDS)
+        solution = model.solve(max_iterations=_ITERATIONS, callback=spent(_SECONDS))
         if solution.status != "optimal":
             return _UNSOLVED
         certificate = certify(solution, equations=False)

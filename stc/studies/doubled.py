@@ -8,12 +8,12 @@ counted in processor time, so that a machine with much else to do finds the same
 
 from __future__ import annotations
 
-import time
 import warnings
 from collections.abc import Iterable
 
 import numpy as np
 
+from stc.deadline import spent
 from stc.errors import StcError
 from stc.origin import model_of
 from stc.same_motion import check_same_motion
@@ -55,7 +55,7 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
     if _expected(solution) > allowed:
         return None
     model = model_of(solution)
-    end = time.thread_time() + LATE * allowed
+    callback = spent(LATE * allowed)
     try:
         spread = Spread.of(model, solution.method, solution.overrides)
         constants = {**solution.overrides, **spread.multiplied(2)}
@@ -72,7 +72,7 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
                 constants=constants,
                 warm_start=solution,
                 max_iterations=FROM_COARSER,
-                callback=lambda _: time.thread_time() > end,
+                callback=callback,
             )
     except StcError:
         return None
