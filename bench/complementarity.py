@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from statistics import geometric_mean, median
 
@@ -23,10 +24,12 @@ from stc.solver import Options, Start
 from stc.solver.pairs import Pairs
 from stc.solver.sqp import minimize
 
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+from bench.document import put
+
 ROOT = Path(__file__).resolve().parents[1]
 PROBLEMS = ROOT / "tests" / "problems" / "complementarity"
 PAGE = ROOT / "docs" / "complementarity.md"
-BEGIN, END = "<!-- measured -->\n", "<!-- end of measured -->"
 NOISE = {"static": 1.0, "motions": 0.3}
 MOST = 1500
 HEAD = """
@@ -90,9 +93,7 @@ def main() -> None:
             print(line, flush=True)
             table += line + "\n"
     if asked.write:
-        text = PAGE.read_text()
-        begin, end = text.index(BEGIN) + len(BEGIN), text.index(END)
-        PAGE.write_text(text[:begin] + table + "\n" + text[end:])
+        put("measured", table, PAGE)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 from statistics import geometric_mean, median
@@ -30,7 +31,9 @@ from stc.solver import Options, Result, Start
 from stc.solver.sqp import minimize
 from stc.transcription import Transcription
 
-BEGIN, END = "<!-- methods -->\n", "<!-- end of methods -->"
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+from bench.document import put
+
 NAMES = "ball,block,pushbox,twowalls,hopper,outrata31,outrata32,bilevel2,scholtes1,dempe,sl1"
 PAIR = re.compile(r"0 <= ([^;]*?) complements ([^;]*?) >= 0;")
 DOWN = (1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
@@ -120,9 +123,7 @@ def main() -> None:
         print(line, flush=True)
         table += line + "\n"
     if asked.write:
-        text = Path(PAGE).read_text()
-        begin, end = text.index(BEGIN) + len(BEGIN), text.index(END)
-        Path(PAGE).write_text(text[:begin] + table + "\n" + text[end:])
+        put("methods", table, Path(PAGE))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The parts of docs/benchmarks.md that are written by the measurements: between a pair of comments each."""
+"""The parts of pages that measurements write, between a pair of comments each: docs/benchmarks.md and others."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ python bench/floors.py --print   the page stays as it is
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,9 +15,11 @@ from pathlib import Path
 import stc
 from stc.validate.verdict import validate
 
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+from bench.document import put
+
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGE = DOCS / "own_model.md"
-BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
 
 SOLREF, IMPRATIO, STEP = ' solref="0.0004 1"', ' impratio="10"', 'timestep="1e-4" integrator="RK4"'
 FRICTION = 'friction="0.66"'
@@ -77,9 +80,7 @@ def main() -> None:
         print(lines[-1], flush=True)
     if not options.dry:
         table = "\n".join(lines)
-        page = PAGE.read_text(encoding="utf-8")
-        before, rest = page.split(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n\n{table}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+        put("measured", table, PAGE)
 
 
 if __name__ == "__main__":

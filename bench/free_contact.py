@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
+import sys
 import tempfile
 import time
 import warnings
@@ -23,15 +24,15 @@ import numpy as np
 
 import stc
 from stc.errors import StcError
-from stc.problem import VariableRef
-from stc.scheduling import write_schedule
+from stc.scheduling import joint_coordinates, write_schedule
 from stc.solution import Solution
-from stc.symbolic.expr import symbols
 from stc.validate import validate
+
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+from bench.document import put
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = DOCS / "complementarity.md"
-BEGIN, END = "<!-- free -->\n", "<!-- end of free -->"
 #: With how many times as many frames the schedule of each page is solved.
 FINER = {"lamp_free": 5}
 USUAL = 2
@@ -41,20 +42,6 @@ HEAD = """
 | page | frames | unknowns | from the guess; CPU s | solved | median | most | schedule | valid | within 150 |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
-
-
-def coordinates(model: stc.Model) -> list[str]:
-    """The variables for the places of joints."""
-    problem = model.problem()
-    rates = {name for rotation in problem.rotations for name in rotation.velocity}
-    found = [
-        key.name
-        for line in problem.replay
-        if line.kind == "joint"
-        for key in symbols(line.body)
-        if isinstance(key, VariableRef) and key.name not in rates
-    ]
-    return list(dict.fromkeys(found))
 
 
 def waves(rng: np.random.Generator, frames: int) -> np.ndarray:
@@ -84,7 +71,7 @@ def measured(path: Path, starts: int) -> str:
     """A line of the table."""
     model = stc.load(path)
     guess = model.solve(max_iterations=0)
-    names = coordinates(model)
+    names = joint_coordinates(model.problem())
     spent, times, schedules = [], [], []
     solved = valid = quickly = 0
     for seed in range(starts):
@@ -127,9 +114,7 @@ def main() -> None:
             print(line, flush=True)
             table += line + "\n"
     if asked.write:
-        text = PAGE.read_text()
-        begin, end = text.index(BEGIN) + len(BEGIN), text.index(END)
-        PAGE.write_text(text[:begin] + table + "\n" + text[end:])
+        put("free", table, PAGE)
 
 
 if __name__ == "__main__":

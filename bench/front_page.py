@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +22,10 @@ from stc.validate.replay import replay, time_step_for
 from stc.validate.tracking import proportional
 from stc.validate.verdict import open_setup
 
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+from bench.document import put
+
 PAGE = Path(__file__).resolve().parent.parent / "README.md"
-BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
 
 #: The motion, and all masses and inertias times this in the last tracked replay.
 MOTION, HEAVIER = "luxo_jump", 1.01
@@ -146,9 +149,7 @@ def main() -> None:
     text = table(measure())
     print(text)
     if not options.dry:
-        page = PAGE.read_text(encoding="utf-8")
-        before, rest = page.split(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+        put("measured", text, PAGE)
 
 
 if __name__ == "__main__":

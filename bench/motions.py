@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,8 +24,10 @@ from stc.validate.setup import Setup
 from stc.validate.tracking import proportional
 from stc.validate.verdict import open_setup, validate
 
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+from bench.document import put
+
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "motions.md"
-BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
 
 #: All masses and inertias times this.
 HEAVIER = 1.01
@@ -196,9 +199,7 @@ def main() -> None:
     text = tables(options.names or [*GROUND, *OTHERS, *ROBOTS])
     print(text)
     if not (options.dry or options.names):
-        page = PAGE.read_text(encoding="utf-8")
-        before, rest = page.split(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+        put("measured", text, PAGE)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ DISTANCES, MASSES = (0.30, 0.40), (0.9, 1.1)
 
 
 def command(folder: Path, points: int, workers: int) -> list[str]:
-    """The command that sweeps so many points."""
+    """The command line of a sweep over ``points`` jumps into ``folder``."""
     rows = max(2, round((points / 20) ** 0.5) * 5)
     columns = max(2, points // rows)
     words = ["sweep", "luxo_jump", "--set", f"D={DISTANCES[0]}:{DISTANCES[1]}:{columns}"]

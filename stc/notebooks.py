@@ -13,6 +13,7 @@ from html import escape
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import numpy.typing as npt
 
 from stc.errors import UsageError
@@ -130,10 +131,9 @@ def _columns(solution: Solution, times: npt.ArrayLike | None) -> tuple[Any, dict
     names = [name for name in solution.names if name not in solution.parameters]
     if times is None:
         return solution.time, {name: solution[name] for name in names}
-    import numpy as np
-
-    at = solution.at(np.atleast_1d(np.asarray(times)))
-    return np.atleast_1d(np.asarray(times, dtype=np.float64)), {name: at[name] for name in names}
+    given = np.atleast_1d(np.asarray(times))
+    at = solution.at(given)  # which refuses what is no time of the motion
+    return given.astype(np.float64), {name: at[name] for name in names}
 
 
 def _about(solution: Solution) -> dict[str, Any]:

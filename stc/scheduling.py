@@ -22,7 +22,7 @@ from stc.language import syntax
 from stc.language.elaborate import elaborate
 from stc.language.model.schedule import WAYS
 from stc.language.parser import parse
-from stc.problem import VariableRef
+from stc.problem import Problem, VariableRef
 from stc.restated import source_of, stated_again
 from stc.solution import Solution
 from stc.symbolic.expr import ZERO, symbols
@@ -146,17 +146,22 @@ def _header(first: int, last: int, n: int) -> str:
     return f"[{frame(first)}]:" if first == last else f"[{frame(first)}, {frame(last)}]:"
 
 
-def _poses(solution: Solution) -> Iterator[list[str]]:
-    """The rows of a table of the joints' coordinates over time."""
-    problem = stated_again(solution).problem
+def joint_coordinates(problem: Problem) -> list[str]:
+    """The variables that give the positions of joints to the replay, without their velocities."""
     rates = {name for rotation in problem.rotations for name in rotation.velocity}
-    names = [
+    found = [
         key.name
         for line in problem.replay
         if line.kind == "joint"
         for key in symbols(line.body)
         if isinstance(key, VariableRef) and key.name not in rates
     ]
+    return list(dict.fromkeys(found))
+
+
+def _poses(solution: Solution) -> Iterator[list[str]]:
+    """The rows of a table of the joints' coordinates over time."""
+    names = joint_coordinates(stated_again(solution).problem)
     yield ["time", *names]
     columns = [solution.time, *(solution.trajectories[name, 0].before for name in names)]
     for row in zip(*columns, strict=True):

@@ -128,7 +128,7 @@ class _Residuals:
         except mujoco.FatalError:
             return np.full(len(self._places) * model.nv, np.inf)
         mujoco.mj_resetData(model, data)
-        found = []
+        found, dry = [], DryFriction(model)
         for part, index in self._places:
             setup.reference.put(data, setup.reference.at(part, index))
             data.ctrl[setup.controls.addresses] = setup.controls.at(part, index)
@@ -137,7 +137,7 @@ class _Residuals:
             needed = data.qfrc_inverse.copy()
             mujoco.mj_fwdActuation(model, data)
             left = needed - data.qfrc_actuator - data.qfrc_applied
-            found.append(DryFriction(model).without(left, data.qvel, data.qacc))
+            found.append(dry.without(left, data.qvel, data.qacc))
         return np.concatenate(found)
 
     def fitted(self, numbers: _Numbers, given: FloatArray) -> tuple[FloatArray, float]:

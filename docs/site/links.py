@@ -24,5 +24,5 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """The page without the kinds of references."""
+    """The HTML of a page without Sphinx's roles, such as ``:mod:``, before the names that docstrings refer to."""
     return _ROLE.sub("", html)

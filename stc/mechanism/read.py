@@ -264,12 +264,12 @@ class _Reader:
 
     def _softness(self, solref: Sequence[float], solimp: Sequence[float]) -> tuple[float, float]:
         """How MuJoCo's dry friction gives way: the damping of what slips, 1/s, and the softness of an inertia of 1."""
-        least, most = [min(max(float(d), 1e-4), 1.0 - 1e-4) for d in solimp[:2]]
+        import mujoco
+
+        least, most = [min(max(float(d), mujoco.mjMINIMP), mujoco.mjMAXIMP) for d in solimp[:2]]
         time, ratio = [float(part) for part in solref]
         if time <= 0.0:
             return -ratio / most, 1.0 / least - 1.0
-        import mujoco
-
         safe = not self.m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
         time = max(time, 2.0 * float(self.m.opt.timestep)) if safe else time
         return 2.0 / (most * time), 1.0 / least - 1.0

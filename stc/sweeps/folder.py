@@ -157,7 +157,7 @@ class Folder:
         _write_json(facts_file(self.path, found.index), found.facts)
 
     def motion(self, index: int) -> bytes:
-        """The solution file of a point that is done."""
+        """The bytes of the solution file of a point that is done."""
         return motion_file(self.path, index).read_bytes()
 
     def write_table(self, sweep: Sweep) -> None:
