@@ -314,7 +314,6 @@ def cached_object(
     make: Callable[[], bytes],
     *,
     use_cache: bool = True,
-    shipped: Callable[[], bytes | None] = lambda: None,
     instead: Mapping[str, int] | None = None,
 ) -> tuple[LoadedObject, bool]:
     """Load object code from the cache, or make, keep and load it.
@@ -324,14 +323,13 @@ def cached_object(
         symbols: what to resolve.
         make: compiles.
         use_cache: False neither looks nor keeps.
-        shipped: what to load instead; None where the cache has to be asked.
         instead: see :func:`load_object`.
 
     Returns:
         The loaded code, and whether it was found and not made.
     """
-    for find in (shipped, lambda: cache.load(key)) if use_cache else ():
-        code = find()
+    if use_cache:
+        code = cache.load(key)
         if code is not None:
             with contextlib.suppress(RuntimeError):  # whole by its checksum, and yet not linkable: replace it
                 return load_object(code, symbols, instead), True

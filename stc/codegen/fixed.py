@@ -1,10 +1,10 @@
-"""Modules of LLVM that are the same for every problem: written once, and shipped compiled where that can be."""
+"""Modules of LLVM that are the same for every problem: compiled once on a machine."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from stc.codegen import cache, engine, shipped
+from stc.codegen import cache, engine
 from stc.records import dataclass
 
 __all__ = ["FixedModule"]
@@ -34,7 +34,6 @@ class FixedModule:
             cache.key_of("fixed", self.name, engine.fingerprint()),
             self.symbols,
             lambda: engine.compile_ir(self.write(), level=1, optimise=self.optimise),
-            shipped=lambda: shipped.find(self.name, engine.this_machine(), engine.own_digest()),
             instead=self.instead,
         )
         return loaded

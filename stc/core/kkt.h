@@ -93,11 +93,4 @@ KKT_API int64_t kkt_refactor(kkt *const *system);
 KKT_API int64_t kkt_solve(kkt *const *system);
 KKT_API int64_t kkt_solve_both(kkt *const *system);
 
-/* The instruction set in use: "baseline", "avx2" or "avx512"; kkt_use chooses one by name, for tests: 0, or -1 where
- * the processor lacks it. */
-KKT_API const char *kkt_instructions(void);
-KKT_API int kkt_use(const char *name);
-/* A digest of the sources that the library was compiled from. */
-KKT_API const char *kkt_sources(void);
-
 #endif

@@ -1,18 +1,22 @@
-"""The core's shared library, loaded: its structs and functions as ``kkt.h`` declares them."""
+"""The core's shared library, loaded: the structs and functions that ``kkt.h`` declares.
+
+There is one library for each instruction set (``stc/core/processor.h``); the best that the processor has is taken.
+What else is in it is called through :mod:`stc.core.functions`.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import functools
+import os
 import sys
-from pathlib import Path
 
 from stc.errors import StcError
 
-__all__ = ["Arrays", "Facts", "Options", "Pattern", "is_there", "library"]
+__all__ = ["Arrays", "Facts", "Options", "Pattern", "instructions", "library"]
 
-FOLDER = Path(__file__).parent
-LIBRARY = FOLDER / f"libkkt.{ {'win32': 'dll', 'darwin': 'dylib'}.get(sys.platform, 'so') }"
+FOLDER = os.path.dirname(__file__)  # noqa: PTH120 (making a Path takes as long as loading a library)
+SUFFIX = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
 REBUILD = "python stc/core/compiling.py makes it anew, as does pip install"
 _int32s = ctypes.c_void_p
 _doubles = ctypes.c_void_p
@@ -70,29 +74,42 @@ class Facts(ctypes.Structure):
     ]  # fmt: skip
 
 
-def is_there() -> bool:
-    """Whether the library was compiled when the package was installed."""
-    return LIBRARY.exists()
+def _loaded(kind: str) -> ctypes.CDLL:
+    """The library for one instruction set.
+
+    Raises
+    ------
+    StcError : it cannot be loaded.
+    """
+    try:
+        return ctypes.CDLL(f"{FOLDER}/libcore_{kind}.{SUFFIX}")
+    except OSError as error:
+        raise StcError(f"the numerical core cannot be loaded ({error}): {REBUILD}") from None
 
 
 @functools.cache
-def library() -> ctypes.CDLL:
+def instructions() -> str:
+    """The best instruction set of this processor: ``baseline``, ``avx2`` or ``avx512``."""
+    best = _loaded("baseline").core_best_instructions
+    best.restype = ctypes.c_char_p
+    return str(best().decode())
+
+
+@functools.cache
+def library(kind: str | None = None) -> ctypes.CDLL:
     """The library, its functions typed.
+
+    Parameters
+    ----------
+    kind : the instruction set, which the processor must have; the best one by default.
 
     Raises
     ------
     StcError : it cannot be loaded, or was compiled from other sources than those that are there.
     """
-    try:
-        loaded = ctypes.CDLL(str(LIBRARY))
-    except OSError as error:
-        raise StcError(f"the numerical core cannot be loaded ({error}): {REBUILD}") from None
-    loaded.kkt_sources.restype = ctypes.c_char_p
-    if (FOLDER / "kkt.h").exists():  # a checkout: an installed package has no sources
-        from stc.core.compiling import digest_of_sources
-
-        if loaded.kkt_sources().decode() != digest_of_sources():
-            raise StcError(f"the numerical core ({LIBRARY}) is older than its sources: {REBUILD}")
+    loaded = _loaded(kind or instructions())
+    loaded.core_sources.restype = ctypes.c_char_p
+    _check_sources(loaded)
     call = ctypes.c_void_p
     for name, result, arguments in (
         ("kkt_new", ctypes.c_void_p, [ctypes.POINTER(Pattern), ctypes.POINTER(Arrays)]),
@@ -102,9 +119,25 @@ def library() -> ctypes.CDLL:
         ("kkt_refactor", ctypes.c_int64, [call]),
         ("kkt_solve", ctypes.c_int64, [call]),
         ("kkt_solve_both", ctypes.c_int64, [call]),
-        ("kkt_instructions", ctypes.c_char_p, []),
-        ("kkt_use", ctypes.c_int, [ctypes.c_char_p]),
     ):
         function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments
     return loaded
+
+
+def _check_sources(loaded: ctypes.CDLL) -> None:
+    """In a checkout, whether a library was compiled from the sources that are there; an installed package has none.
+
+    Raises
+    ------
+    StcError : it was not.
+    """
+    if not os.path.exists(f"{FOLDER}/kkt.h"):  # noqa: PTH110
+        return
+    from stc.core import compiling
+
+    made = os.stat(loaded._name).st_mtime_ns  # noqa: PTH116
+    if all(path.stat().st_mtime_ns < made for path in compiling.sources()):
+        return  # hashing them takes longer
+    if loaded.core_sources().decode() != compiling.digest_of_sources():
+        raise StcError(f"the numerical core ({loaded._name}) is older than its sources: {REBUILD}")

@@ -58,7 +58,7 @@ static int reserve(kkt *s, int32_t size, int64_t factors_used, int64_t stack_use
     return 0;
 }
 
-static int64_t factorize_all(kkt *s) {
+int64_t factorize_all(kkt *s) {
     const plan *p = s->plan;
     int64_t factors_used = 0, stack_used = 0, index_used = 0, entries = 0, operations = 0, delayed_in_all = 0;
     int32_t waiting = 0, pivots = 0, widest = 0;

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.native import f64s, i64, i64s, native
+from stc.core.functions import function
 from stc.solver.nlp import Floats, Ints, Mask
 
 Indices = NDArray[np.int64]
@@ -66,16 +66,5 @@ def symmetric_times(rows: Indices, cols: Indices, values: Floats, v: Floats, siz
     return out
 
 
-@native
-def _times(count: i64, rows: i64s, cols: i64s, values: f64s, v: f64s, out: f64s) -> None:
-    for e in range(count):
-        out[rows[e]] += values[e] * v[cols[e]]
-
-
-@native
-def _symmetric_times(count: i64, rows: i64s, cols: i64s, values: f64s, v: f64s, out: f64s) -> None:
-    for e in range(count):
-        i, j = rows[e], cols[e]
-        out[i] += values[e] * v[j]
-        if i != j:
-            out[j] += values[e] * v[i]
+_times = function("kernels_times")
+_symmetric_times = function("kernels_symmetric_times")

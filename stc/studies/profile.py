@@ -209,11 +209,11 @@ class Profile:
         Args:
             whole_process: the process was started for this solve alone.
         """
-        from stc.codegen.native_units import load_all
+        from stc.core.library import library
 
         self.before = time.process_time() if whole_process else 0.0
         begin = time.perf_counter()
-        load_all()
+        library()
         self.loading = time.perf_counter() - begin
 
     def minimize(
