@@ -12,7 +12,7 @@ from pathlib import Path
 
 import stc.solver
 import stc.transcription
-from stc.codegen import calls, copying, engine, interpreter, shipped, threads
+from stc.codegen import engine, shipped
 
 
 def main() -> None:
@@ -24,8 +24,7 @@ def main() -> None:
     for package in (stc.solver, stc.transcription):  # what declares native functions
         for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             importlib.import_module(module.name)
-    others = [interpreter.module(fused=True), calls.CHAIN, copying.MODULE, threads.MODULE]
-    print(f"{shipped.build(Path(folder), others)} objects of machine code in {folder}")
+    print(f"{shipped.build(Path(folder))} objects of machine code in {folder}")
 
 
 if __name__ == "__main__":

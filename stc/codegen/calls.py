@@ -9,17 +9,13 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import threading
 import weakref
 from collections.abc import Callable, Sequence
 from typing import Any, Self
 
 import numpy as np
 
-from stc.codegen.engine import LoadedObject
-from stc.codegen.fixed import FixedModule
-
-_lock = threading.Lock()
+from stc.core import library as core
 
 
 class Bound(functools.partial[Any]):
@@ -70,9 +66,9 @@ def chain(calls: Sequence[Bound]) -> Bound:
     Machine code throughout when all parts are, else a loop in Python.
     """
     parts = tuple(calls)
-    if not parts or not all(part.native for part in parts):
+    if not _all_native(parts):
         return Bound.of_python(_call_all, (parts,))
-    return _chained(None, [(part, False) for part in parts])
+    return _chained([(part, False) for part in parts])
 
 
 def chain_until(calls: Sequence[tuple[Bound, bool]]) -> Bound:
@@ -81,17 +77,20 @@ def chain_until(calls: Sequence[tuple[Bound, bool]]) -> Bound:
     The chain's own result is the place of the call that ended it, counted from 1, or 0.
     """
     parts = tuple(calls)
-    if not parts or not all(part.native for part, _ in parts):
+    if not _all_native([part for part, _ in parts]):
         return Bound.of_python(_call_until, (parts,))
-    return _chained(ctypes.c_int64, parts)
+    return _chained(parts)
 
 
-def _chained(result: Any, parts: Sequence[tuple[Bound, bool]]) -> Bound:
-    """The machine code of both, ``result`` being the type of what is handed over."""
-    cells = [len(parts)]
+def _all_native(parts: Sequence[Bound]) -> bool:
+    return bool(parts) and all(part.native for part in parts) and core.is_there()
+
+
+def _chained(parts: Sequence[tuple[Bound, bool]]) -> Bound:
+    cells = [len(parts)]  # see ``chain`` in ``stc/core/calls.h``
     for part, checked in parts:
         cells += [packed_address(part), part.args[0], -1 if checked else 0]
-    return Bound.of_native(_chain_entry(result), cells, parts)
+    return Bound.of_native(core.library().chain_run, cells, parts)
 
 
 def packed_address(call: Bound) -> int:
@@ -179,49 +178,3 @@ def _call_until(parts: tuple[tuple[Bound, bool], ...]) -> int:
         if part() and checked:
             return place + 1
     return 0
-
-
-#: cells: count, then (entry, cells, mask of the result) of each part
-_CHAIN_IR = """\
-define i64 @chain(ptr %cells) nounwind {
-entry:
-  %count = load i64, ptr %cells, align 8
-  %any = icmp sgt i64 %count, 0
-  br i1 %any, label %each, label %done
-each:
-  %k = phi i64 [ 0, %entry ], [ %next, %passed ]
-  %first = mul i64 %k, 3
-  %second = add i64 %first, 1
-  %third = add i64 %first, 2
-  %fourth = add i64 %first, 3
-  %entry.place = getelementptr inbounds i64, ptr %cells, i64 %second
-  %cells.place = getelementptr inbounds i64, ptr %cells, i64 %third
-  %mask.place = getelementptr inbounds i64, ptr %cells, i64 %fourth
-  %function = load ptr, ptr %entry.place, align 8
-  %arguments = load ptr, ptr %cells.place, align 8
-  %mask = load i64, ptr %mask.place, align 8
-  %result = call i64 %function(ptr %arguments)
-  %checked = and i64 %result, %mask
-  %next = add i64 %k, 1
-  %ended = icmp ne i64 %checked, 0
-  br i1 %ended, label %stopped, label %passed
-passed:
-  %more = icmp slt i64 %next, %count
-  br i1 %more, label %each, label %done
-stopped:
-  ret i64 %next
-done:
-  ret i64 0
-}
-"""
-
-CHAIN = FixedModule("chain", ("chain",), lambda: _CHAIN_IR)
-_chain: list[LoadedObject] = []
-
-
-@functools.cache
-def _chain_entry(result: Any) -> Callable[..., Any]:
-    with _lock:
-        if not _chain:
-            _chain.append(CHAIN.load())
-        return ctypes.CFUNCTYPE(result, ctypes.c_void_p)(_chain[0].address("chain"))

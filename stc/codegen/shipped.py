@@ -8,7 +8,6 @@ whatever was changed since is compiled as if nothing had been shipped, as is eve
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +17,6 @@ from stc.records import dataclass
 
 if TYPE_CHECKING:
     from stc.codegen.engine import Host
-    from stc.codegen.fixed import FixedModule
     from stc.codegen.machine import Machine
 
 FOLDER = Path(__file__).with_name("shipped_objects")
@@ -83,11 +81,8 @@ def _key(level: Level, unit: str, own_digest: str) -> str:
     return cache.key_of("shipped", level.name, level.tuning, own_digest, unit)
 
 
-def build(folder: Path, others: Iterable[FixedModule]) -> int:
+def build(folder: Path) -> int:
     """Compile all native functions known so far for all levels into a folder, which is emptied first.
-
-    Args:
-        others: further modules.
 
     Returns:
         How many objects were written.
@@ -99,15 +94,14 @@ def build(folder: Path, others: Iterable[FixedModule]) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*" + cache.SUFFIX):
         old.unlink()
-    texts = [(unit.key, unit.ir(), True) for unit in units()]
-    texts += [(module.name, module.write(), module.optimise) for module in others]
     count = 0
-    for unit_key, ir, optimise in texts:
+    for unit in units():
+        ir = unit.ir()
         for level in LEVELS:
-            code = engine.compile_ir(ir, level=1, optimise=optimise, target=level.target())
+            code = engine.compile_ir(ir, level=1, optimise=True, target=level.target())
             image = image_of(code)
             if image is not None:
-                key = _key(level, unit_key, engine.own_digest())
+                key = _key(level, unit.key, engine.own_digest())
                 count += cache.store_in(folder, key, image)
     for path in folder.glob("*" + cache.SUFFIX):
         path.chmod(0o644)  # whoever can read the package

@@ -23,15 +23,16 @@ LIBRARY = (
     "libkkt.dll" if sys.platform == "win32" else "libkkt.dylib" if sys.platform == "darwin" else "libkkt.so"
 )
 
-#: What is compiled for each instruction set, chosen when the library is loaded: whether products and sums are
-#: contracted to multiply-adds, and what a processor has to have.
-NUMERIC = "numeric.c"
+#: What is compiled for each instruction set, chosen when the library is loaded, and whether products and sums may be
+#: contracted to multiply-adds there, if it has them.
+SEVERAL = {"numeric.c": "fast", "tapes.c": "off"}
+#: What a processor has to have for each.
 INSTRUCTIONS = {
-    "baseline": (["-ffp-contract=off"], []),
-    "avx2": (["-ffp-contract=fast"], ["avx2", "fma"]),
-    "avx512": (["-ffp-contract=fast"], ["avx2", "fma", "avx512f", "avx512dq", "avx512vl"]),
+    "baseline": [],
+    "avx2": ["avx2", "fma"],
+    "avx512": ["avx2", "fma", "avx512f", "avx512dq", "avx512vl"],
 }
-FLAGS = ["-std=c11", "-O3", "-fPIC", "-fvisibility=hidden", "-Wno-unknown-pragmas"]
+FLAGS = ["-std=c11", "-O3", "-fPIC", "-fvisibility=hidden", "-fno-math-errno", "-Wno-unknown-pragmas"]
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));
 int main(int n, char **a) { lanes x = {n, n}; (void)a; return sqrt((x + x)[0]) == sqrt(2.0) ? 0 : 1; }
@@ -80,12 +81,12 @@ def _packaged_compiler() -> list[str]:
 
 def _flags_of(kind: str, packaged: bool) -> list[str]:
     """Of an instruction set: never those of the machine at hand, since the library may go to another one."""
-    flags, features = INSTRUCTIONS[kind]
+    features = INSTRUCTIONS[kind]
     if not packaged:  # some are configured for a later processor than the plainest
         plainest = ["-march=x86-64"] if _is_x86() else []
-        return [*flags, *plainest, *(f"-m{feature}" for feature in features)]
+        return [*plainest, *(f"-m{feature}" for feature in features)]
     wide = ["evex512"] if "avx512f" in features else []
-    return [*flags, f"-mcpu={'+'.join(['baseline', *features, *wide])}"]
+    return [f"-mcpu={'+'.join(['baseline', *features, *wide])}"]
 
 
 def compile_library(target: Path, scratch: Path, flags: list[str] | None = None) -> None:
@@ -118,18 +119,32 @@ def compile_library(target: Path, scratch: Path, flags: list[str] | None = None)
 
     jobs = []
     for source in sorted(FOLDER.glob("*.c")):
-        kinds = list(INSTRUCTIONS) if source.name == NUMERIC and _is_x86() else ["baseline"]
-        for kind in kinds:
+        for kind in INSTRUCTIONS if source.name in SEVERAL and _is_x86() else ["baseline"]:
             built = scratch / f"{source.stem}_{kind}.o"
-            named = (
-                [f"-DNUMERIC=numeric_{kind}", f'-DNUMERIC_NAME="{kind}"'] if source.name == NUMERIC else []
-            )
-            options = [*FLAGS, *_flags_of(kind, own is None), *named, *more]
+            contraction = "off" if kind == "baseline" else SEVERAL[source.name]
+            options = [
+                *FLAGS,
+                f"-ffp-contract={contraction}",
+                *_flags_of(kind, own is None),
+                f"-DKIND={kind}",
+                *more,
+            ]
             jobs.append((built, [*compiler, *options, "-c", str(source), "-o", str(built)]))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(run, (command for _, command in jobs)))
     made = scratch / LIBRARY
-    run([*compiler, "-shared", *(flags or []), "-o", str(made), *(str(built) for built, _ in jobs), "-lm"])
+    run(
+        [
+            *compiler,
+            "-shared",
+            *(flags or []),
+            "-o",
+            str(made),
+            *(str(built) for built, _ in jobs),
+            "-lm",
+            "-pthread",
+        ]
+    )
     target.mkdir(parents=True, exist_ok=True)
     fresh = target / f"{LIBRARY}.new"
     shutil.copyfile(made, fresh)

@@ -64,7 +64,7 @@ static int has(const char *name) {
 
 static const numeric *chosen;
 
-static const numeric *numbers(void) {
+const numeric *numbers(void) {
     if (!chosen) {
         chosen = &numeric_baseline;
 #if defined(KKT_X86)

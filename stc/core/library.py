@@ -1,15 +1,16 @@
-"""The core's shared library, loaded: its structs and functions as ``kkt.h`` declares them."""
+"""The core's shared library, loaded: its structs and functions as ``kkt.h`` and ``calls.h`` declare them."""
 
 from __future__ import annotations
 
 import ctypes
 import functools
+import os
 import sys
 from pathlib import Path
 
 from stc.errors import StcError
 
-__all__ = ["Arrays", "Facts", "Options", "Pattern", "is_there", "library"]
+__all__ = ["Arrays", "Facts", "Options", "Pattern", "Pool", "is_there", "library"]
 
 FOLDER = Path(__file__).parent
 LIBRARY = FOLDER / f"libkkt.{ {'win32': 'dll', 'darwin': 'dylib'}.get(sys.platform, 'so') }"
@@ -70,6 +71,15 @@ class Facts(ctypes.Structure):
     ]  # fmt: skip
 
 
+class Pool(ctypes.Structure):
+    """See ``pool``."""
+
+    _fields_ = [("offered", ctypes.c_void_p)] + [
+        (name, ctypes.c_int64) for name in ("active", "alive", "offers", "allowed")
+    ]
+
+
+@functools.cache
 def is_there() -> bool:
     """Whether the library was compiled when the package was installed."""
     return LIBRARY.exists()
@@ -88,12 +98,12 @@ def library() -> ctypes.CDLL:
     except OSError as error:
         raise StcError(f"the numerical core cannot be loaded ({error}): {REBUILD}") from None
     loaded.kkt_sources.restype = ctypes.c_char_p
-    if (FOLDER / "kkt.h").exists():  # a checkout: an installed package has no sources
+    if _may_be_stale():
         from stc.core.compiling import digest_of_sources
 
         if loaded.kkt_sources().decode() != digest_of_sources():
             raise StcError(f"the numerical core ({LIBRARY}) is older than its sources: {REBUILD}")
-    call = ctypes.c_void_p
+    call, pool = ctypes.c_void_p, ctypes.POINTER(Pool)
     for name, result, arguments in (
         ("kkt_new", ctypes.c_void_p, [ctypes.POINTER(Pattern), ctypes.POINTER(Arrays)]),
         ("kkt_free", None, [ctypes.c_void_p]),
@@ -104,7 +114,27 @@ def library() -> ctypes.CDLL:
         ("kkt_solve_both", ctypes.c_int64, [call]),
         ("kkt_instructions", ctypes.c_char_p, []),
         ("kkt_use", ctypes.c_int, [ctypes.c_char_p]),
+        ("chain_run", ctypes.c_int64, [call]),
+        ("job_run", ctypes.c_int64, [call]),
+        ("tape_run", ctypes.c_int64, [call]),
+        ("tape_instructions", ctypes.c_char_p, []),
+        ("pool_new", pool, []),
+        ("copy_block", call, [call, call, ctypes.c_size_t]),
     ):
         function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments
+    if sys.platform != "win32":
+        for function in (loaded.pool_serve, loaded.pool_stop):
+            function.restype, function.argtypes = None, [pool]
     return loaded
+
+
+def _may_be_stale() -> bool:
+    """Whether a source has been written since the library was: never of an installed package, which has none."""
+    compiled = LIBRARY.stat().st_mtime_ns
+    with os.scandir(FOLDER) as entries:
+        return any(
+            entry.stat().st_mtime_ns > compiled
+            for entry in entries
+            if entry.name.endswith((".c", ".h")) or entry.name == "compiling.py"
+        )

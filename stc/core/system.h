@@ -2,6 +2,7 @@
 #ifndef STC_SYSTEM_H
 #define STC_SYSTEM_H
 
+#include "calls.h"
 #include "kkt.h"
 #include "order.h"
 
@@ -57,18 +58,28 @@ struct kkt {
 
 enum { ONE = 1, FIRST = 2, SECOND = 3 };
 
-/* The parts that are compiled for several instruction sets. */
+/* The parts that are compiled for several instruction sets: KIND is the name of one. */
 typedef struct {
     const char *name;
     int64_t (*refactor)(kkt *); /* with a plan and loaded values */
     void (*load)(kkt *, int *finite);
     void (*solve)(kkt *, int both);
+    int64_t (*tape)(tape_call *);
 } numeric;
+
+#define PASTED(name, kind) name##_##kind
+#define FOR_KIND(name, kind) PASTED(name, kind)
+#define NAMED(name) FOR_KIND(name, KIND)
+#define QUOTED(kind) #kind
+#define NAME_OF(kind) QUOTED(kind)
 
 extern const numeric numeric_baseline;
 #ifdef KKT_X86
 extern const numeric numeric_avx2, numeric_avx512;
 #endif
+
+/* Those of the instruction set in use. */
+const numeric *numbers(void);
 
 /* At least so much room; what is in it stays where `kept` numbers are asked for.  0, or -1. */
 int arena_reserve(arena *a, int64_t room, int64_t kept);

@@ -115,7 +115,7 @@ def test_one_thread_is_a_chain(two):
 
 def _offered() -> int:
     """How often the second thread has been asked."""
-    return threads._helper().mailbox[3]
+    return threads._helper().pool.offers
 
 
 def test_a_limit_holds_for_calls_prepared_before(two):

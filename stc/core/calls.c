@@ -1,0 +1,19 @@
+/* Lists of prepared calls, and tapes for the instruction set in use. */
+#include "calls.h"
+
+#include "system.h"
+#include "tapes.h"
+
+int64_t chain_run(const chain *c) {
+    for (int64_t k = 0; k < c->count; k++) {
+        const chained *each = c->part + k;
+        if (each->entry(each->arguments) & each->checked) return k + 1;
+    }
+    return 0;
+}
+
+int64_t tape_run(tape_call *c) { return numbers()->tape(c); }
+
+#define SPELLED(name) #name " "
+
+const char *tape_instructions(void) { return INSTRUCTIONS(SPELLED); }
