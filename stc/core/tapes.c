@@ -55,64 +55,67 @@ static void spread(double *row, double x) {
     for (int k = 0; k < ROW; k++) row[k] = x;
 }
 
-/* One instruction for some blocks, the first of which is `block`. */
-static void follow(const tape_call *t, const instruction *i, int64_t block, int64_t blocks) {
-    double *d = t->rows + ROW * (int64_t)i->d;
-    const double *a = t->rows + ROW * (int64_t)i->a, *b = t->rows + ROW * (int64_t)i->b;
-    const double *c = t->rows + ROW * (int64_t)i->c;
+/* Some instructions for some blocks, the first of which is `block`. */
+static void follow(const tape_call *t, const instruction *i, const instruction *end, int64_t block, int64_t blocks) {
+    double *const rows = t->rows;
     const int64_t count = BLOCK * blocks;
-    lanes other;
-    switch (i->op) {
-    case uniform_: spread(d, t->uniform[i->a]); break;
-    case literal_: spread(d, t->literals[i->a]); break;
-    case fetch_: fetch(t, t->index + block * t->index_stride + BLOCK * i->a, d, blocks); break;
-    case kept_: {
-        const double *from = t->kept + block * t->kept_stride + BLOCK * i->a;
-        for (int64_t k = 0; k < blocks; k++) *(four *)(d + BLOCK * k) = *(const four *)(from + k * t->kept_stride);
-        break;
-    }
-    case store_: {
-        double *to = t->out + block * t->out_stride + BLOCK * i->b;
-        for (int64_t k = 0; k < blocks; k++) *(four *)(to + k * t->out_stride) = *(const four *)(a + BLOCK * k);
-        break;
-    }
-    FOLLOW(add, A + B);
-    FOLLOW(sub, A - B);
-    FOLLOW(mul, A * B);
-    FOLLOW(div, A / B);
-    FOLLOW(neg, -A);
-    FOLLOW(sqrt, root_of(A));
-    FOLLOW(fma, fused_of(A, B, C));
-    FOLLOW(fms, fused_of(A, B, -C));
-    FOLLOW(fnma, fused_of(-A, B, C));
-    case sin_: EACH sine_cosine(A, &D, &other); break;
-    case cos_: EACH sine_cosine(A, &other, &D); break;
-    case sincos_: EACH sine_cosine(A, &D, (lanes *)(t->rows + ROW * (int64_t)i->c + k)); break;
-    case tan_: EACH { lanes s; sine_cosine(A, &s, &other); D = s / other; } break;
-    FOLLOW(asin, angle_of(A, leg_of(A)));
-    FOLLOW(acos, angle_of(leg_of(A), A));
-    FOLLOW(atan, angle_of(A, all_of(1.0)));
-    FOLLOW(atan2, angle_of(A, B));
-    FOLLOW(sinh, sinh_of(A));
-    FOLLOW(cosh, cosh_of(A));
-    FOLLOW(tanh, tanh_of(A));
-    FOLLOW(exp, exp_of(A, NULL));
-    FOLLOW(log, log_of(A));
-    FOLLOW(pow, pow_of(A, B));
-    /* Looking up a table: stc/symbolic/tables.py. */
-    case clip_:
-        for (int64_t k = 0; k < count; k++) {
-            double x = a[k] > 0.0 ? a[k] : 0.0;
-            d[k] = trunc(x < b[k] ? x : b[k]);
+    for (; i < end; i++) {
+        double *d = rows + ROW * (int64_t)i->d;
+        const double *a = rows + ROW * (int64_t)i->a, *b = rows + ROW * (int64_t)i->b;
+        double *c = rows + ROW * (int64_t)i->c;
+        lanes other;
+        switch (i->op) {
+        case uniform_: spread(d, t->uniform[i->a]); break;
+        case literal_: spread(d, t->literals[i->a]); break;
+        case fetch_: fetch(t, t->index + block * t->index_stride + BLOCK * i->a, d, blocks); break;
+        case kept_: {
+            const double *from = t->kept + block * t->kept_stride + BLOCK * i->a;
+            for (int64_t k = 0; k < blocks; k++) *(four *)(d + BLOCK * k) = *(const four *)(from + k * t->kept_stride);
+            break;
         }
-        break;
-    case reaches_:
-        for (int64_t k = 0; k < count; k++) d[k] = a[k] <= b[k] ? 1.0 : 0.0;
-        break;
-    case read_:
-        for (int64_t k = 0; k < count; k++) d[k] = t->uniform[(int32_t)(a[k] + b[k])];
-        break;
-    default: break;
+        case store_: {
+            double *to = t->out + block * t->out_stride + BLOCK * i->b;
+            for (int64_t k = 0; k < blocks; k++) *(four *)(to + k * t->out_stride) = *(const four *)(a + BLOCK * k);
+            break;
+        }
+        FOLLOW(add, A + B);
+        FOLLOW(sub, A - B);
+        FOLLOW(mul, A * B);
+        FOLLOW(div, A / B);
+        FOLLOW(neg, -A);
+        FOLLOW(sqrt, root_of(A));
+        FOLLOW(fma, fused_of(A, B, C));
+        FOLLOW(fms, fused_of(A, B, -C));
+        FOLLOW(fnma, fused_of(-A, B, C));
+        case sin_: EACH sine_cosine(A, &D, &other); break;
+        case cos_: EACH sine_cosine(A, &other, &D); break;
+        case sincos_: EACH sine_cosine(A, &D, (lanes *)(c + k)); break;
+        case tan_: EACH { lanes s; sine_cosine(A, &s, &other); D = s / other; } break;
+        FOLLOW(asin, angle_of(A, leg_of(A)));
+        FOLLOW(acos, angle_of(leg_of(A), A));
+        FOLLOW(atan, angle_of(A, all_of(1.0)));
+        FOLLOW(atan2, angle_of(A, B));
+        FOLLOW(sinh, sinh_of(A));
+        FOLLOW(cosh, cosh_of(A));
+        FOLLOW(tanh, tanh_of(A));
+        FOLLOW(exp, exp_of(A, NULL));
+        FOLLOW(log, log_of(A));
+        FOLLOW(pow, pow_of(A, B));
+        /* Looking up a table: stc/symbolic/tables.py. */
+        case clip_:
+            for (int64_t k = 0; k < count; k++) {
+                double x = a[k] > 0.0 ? a[k] : 0.0;
+                d[k] = trunc(x < b[k] ? x : b[k]);
+            }
+            break;
+        case reaches_:
+            for (int64_t k = 0; k < count; k++) d[k] = a[k] <= b[k] ? 1.0 : 0.0;
+            break;
+        case read_:
+            for (int64_t k = 0; k < count; k++) d[k] = t->uniform[(int32_t)(a[k] + b[k])];
+            break;
+        default: break;
+        }
     }
 }
 
@@ -123,10 +126,11 @@ int64_t NAMED(tape)(tape_call *t) {
     }
     *t->work += (t->count - t->head) * t->blocks;
     const int64_t first = t->blocks < CHUNK ? t->blocks : CHUNK;
-    for (int64_t k = 0; k < t->head; k++) follow(t, t->code + k, 0, first);
+    const instruction *body = t->code + t->head, *end = t->code + t->count;
+    follow(t, t->code, body, 0, first);
     for (int64_t block = 0; block < t->blocks; block += CHUNK) {
         const int64_t left = t->blocks - block, blocks = left < CHUNK ? left : CHUNK;
-        for (int64_t k = t->head; k < t->count; k++) follow(t, t->code + k, block, blocks);
+        follow(t, body, end, block, blocks);
     }
     return 0;
 }
