@@ -237,7 +237,7 @@ def compile_libraries(target: Path, scratch: Path, flags: list[str] | None = Non
     target.mkdir(parents=True, exist_ok=True)
     for kind, objects in built.items():
         linked = scratch / file_of(kind)
-        run([*compiler, "-shared", *(flags or []), "-o", str(linked), *objects, "-lm"])
+        run([*compiler, "-shared", *(flags or []), "-o", str(linked), *objects, "-lm", *(["-pthread"] if os.name == "posix" else [])])
         fresh = target / f"{linked.name}.new"
         shutil.copyfile(linked, fresh)
         fresh.replace(target / linked.name)  # whoever has the old one loaded keeps it

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.core.library import library
 
 __all__ = ["ArgumentError", "BoundFunction", "Function", "function"]

@@ -1,4 +1,4 @@
-"""The core's shared library, loaded: the structs and functions that ``kkt.h`` declares.
+"""The core's shared library, loaded: the structs and functions that ``kkt.h`` and ``calls.h`` declare.
 
 There is one library for each instruction set (``stc/core/processor.h``); the best that the processor has is taken.
 What else is in it is called through :mod:`stc.core.functions`.
@@ -13,7 +13,7 @@ import sys
 
 from stc.errors import StcError
 
-__all__ = ["Arrays", "Facts", "Options", "Pattern", "instructions", "library"]
+__all__ = ["Arrays", "Facts", "Options", "Pattern", "Pool", "instructions", "library"]
 
 FOLDER = os.path.dirname(__file__)  # noqa: PTH120 (making a Path takes as long as loading a library)
 SUFFIX = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
@@ -74,6 +74,14 @@ class Facts(ctypes.Structure):
     ]  # fmt: skip
 
 
+class Pool(ctypes.Structure):
+    """See ``pool``."""
+
+    _fields_ = [("offered", ctypes.c_void_p)] + [
+        (name, ctypes.c_int64) for name in ("active", "alive", "offers", "allowed")
+    ]
+
+
 def _loaded(kind: str) -> ctypes.CDLL:
     """The library for one instruction set.
 
@@ -110,7 +118,7 @@ def library(kind: str | None = None) -> ctypes.CDLL:
     loaded = _loaded(kind or instructions())
     loaded.core_sources.restype = ctypes.c_char_p
     _check_sources(loaded)
-    call = ctypes.c_void_p
+    call, pool = ctypes.c_void_p, ctypes.POINTER(Pool)
     for name, result, arguments in (
         ("kkt_new", ctypes.c_void_p, [ctypes.POINTER(Pattern), ctypes.POINTER(Arrays)]),
         ("kkt_free", None, [ctypes.c_void_p]),
@@ -119,9 +127,18 @@ def library(kind: str | None = None) -> ctypes.CDLL:
         ("kkt_refactor", ctypes.c_int64, [call]),
         ("kkt_solve", ctypes.c_int64, [call]),
         ("kkt_solve_both", ctypes.c_int64, [call]),
+        ("chain_run", ctypes.c_int64, [call]),
+        ("job_run", ctypes.c_int64, [call]),
+        ("tape_run", ctypes.c_int64, [call]),
+        ("tape_instructions", ctypes.c_char_p, []),
+        ("pool_new", pool, []),
+        ("copy_block", call, [call, call, ctypes.c_size_t]),
     ):
         function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments
+    if sys.platform != "win32":
+        for function in (loaded.pool_serve, loaded.pool_stop):
+            function.restype, function.argtypes = None, [pool]
     return loaded
 
 

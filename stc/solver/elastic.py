@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.codegen.calls import CallTable, chain
+from stc.core.calls import CallTable, chain
 from stc.solver import elastic_kernels
 from stc.solver.evaluator import Evaluator
 from stc.solver.formulation import Formulation
@@ -34,7 +34,7 @@ from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.state import VIOLATION
 
 if TYPE_CHECKING:
-    from stc.codegen.calls import Bound
+    from stc.core.calls import Bound
     from stc.solver.kkt.contract import AttachedKKT
 
 __all__ = ["ElasticKKT", "ElasticProblem"]

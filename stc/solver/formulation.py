@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.solver.evaluator import Evaluator, status_of
 from stc.solver.kernels import EQUALITY, IGNORED, INEQUALITY, overstepped
 from stc.solver.kkt.arrangement import sort_by_key

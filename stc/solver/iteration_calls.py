@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.codegen.calls import Bound, chain, chain_until
+from stc.core.calls import Bound, chain, chain_until
 from stc.core.functions import function
 from stc.solver import barrier_update, filter_line_search, inertia_correction, state
 from stc.solver.progress_kernels import note_iterate, note_objective, record

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.calls import chain
+from stc.core.calls import chain
 from stc.core.functions import function
 from stc.solver.convexity import Bending
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of

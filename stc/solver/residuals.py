@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.codegen.calls import chain
+from stc.core.calls import chain
 from stc.records import dataclass
 from stc.solver.conditions import STATED, stated_conditions
 from stc.solver.evaluator import Scaling, Stated, evaluator_of

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.codegen.calls import Bound, CallTable, chain
+from stc.core.calls import Bound, CallTable, chain
 from stc.solver import kernels, state, step_kernels
 from stc.solver.filter import Filter
 from stc.solver.formulation import Formulation

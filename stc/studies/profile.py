@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.records import dataclass, field
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.evaluator import Part as ProgramPart

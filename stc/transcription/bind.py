@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen import threads
-from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet
+from stc.core.calls import chain
 from stc.errors import EvaluationError
 from stc.problem import ConstantRef, ParameterRef, Problem, Relation, VariableRef
 from stc.records import dataclass

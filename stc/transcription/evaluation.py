@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen import reference, threads
-from stc.codegen.calls import Bound, chain, chain_until
 from stc.codegen.kernel import KernelSet
+from stc.core.calls import Bound, chain, chain_until
 from stc.solver.evaluator import Evaluator, Part, Places, Scaling
 from stc.transcription.assemble import Program, blocks, data_of
 from stc.transcription.gather import Copying, add_up, all_same, begin, note, place, total

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.core.functions import function
 from stc.records import dataclass
 

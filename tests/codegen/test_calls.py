@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from solver.kkt.backends import printed_by
 
-from stc.codegen.calls import Bound, CallTable, invoke
 from stc.codegen.native import NativeError, f64s, i64, i64s, native, native_source
+from stc.core.calls import Bound, CallTable, invoke
 
 
 @native
@@ -84,7 +84,7 @@ def test_what_python_raises_is_raised_afterwards(raised):
 
 
 def test_a_table_is_needed():
-    text = "from stc.codegen.native import *\nfrom stc.codegen.calls import invoke\n"
+    text = "from stc.codegen.native import *\nfrom stc.core.calls import invoke\n"
     text += "@native\ndef wrong(s: f64s) -> i64:\n    return invoke(s, 0)\n"
     with pytest.raises(NativeError, match="cells of a table"):
         native_source(text, "wrong table")["wrong"](np.zeros(1))

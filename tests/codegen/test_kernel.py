@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen import engine, reference
-from stc.codegen.calls import Bound, chain, chain_until
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
 from stc.codegen.native import f64, f64s, i64, native
 from stc.codegen.runs import RUN
 from stc.codegen.tape import OPERATORS, TOGETHER, Tape, build_tape
+from stc.core.calls import Bound, chain, chain_until
 from stc.symbolic import expr
 
 Array = NDArray[np.float64]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from stc.codegen import cache, engine, native, native_units, shipped
-from stc.codegen.fixed import FixedModule
 from stc.codegen.image import supported
 from stc.codegen.machine import Machine
 from stc.records import dataclass
@@ -48,14 +47,13 @@ class Box:
 
     def build(self) -> int:
         self.function()
-        made = shipped.build(self.folder, [])
+        made = shipped.build(self.folder)
         self.compiled.clear()
         return made
 
 
 @pytest.fixture
 def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
-    engine._stand_ins()
     monkeypatch.setenv("STC_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(shipped, "FOLDER", tmp_path / "shipped")
     empty: dict[str, Any] = {}
@@ -139,18 +137,3 @@ def test_features_are_named_as_llvm_names_them() -> None:
     known = set(llvm.get_host_cpu_features())
     for level in shipped.LEVELS:
         assert level.needs <= known
-
-
-def test_other_modules_are_shipped_by_name(box: Box) -> None:
-    identity = "define i64 @same(i64 %x) nounwind {\n  ret i64 %x\n}\n"
-    module = FixedModule("identity", ("same",), lambda: identity)
-    assert shipped.build(box.folder, [module]) == len(shipped.LEVELS)
-    here = engine.this_machine()
-    found = shipped.find("identity", here, engine.own_digest())
-    if shipped._best_level(here) is not None:
-        assert found is not None
-        assert engine.load_object(found, ["same"]).address("same")
-        box.compiled.clear()
-        assert module.load().address("same")
-        assert not box.compiled
-    assert shipped.find("another", here, engine.own_digest()) is None

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from stc.codegen import threads
-from stc.codegen.calls import Bound, chain
 from stc.codegen.native import f64s, i64, native
+from stc.core.calls import Bound, chain
 from stc.errors import UsageError
 
 
@@ -115,7 +115,7 @@ def test_one_thread_is_a_chain(two):
 
 def _offered() -> int:
     """How often the second thread has been asked."""
-    return threads._helper().mailbox[3]
+    return threads._helper().pool.offers
 
 
 def test_a_limit_holds_for_calls_prepared_before(two):

@@ -26,14 +26,10 @@ def test_fuzz_under_sanitizers(tmp_path):
     compiler = compiling.own_compiler()
     if compiler is None:
         pytest.skip("there is no C compiler")
-    sources = [str(path) for path in sorted(compiling.FOLDER.glob("*.c")) if path.name != compiling.NUMERIC]
-    numeric = [
-        str(compiling.FOLDER / compiling.NUMERIC),
-        "-DNUMERIC=numeric_baseline",
-        '-DNUMERIC_NAME="baseline"',
-    ]
+    sources = [str(path) for path in sorted(compiling.FOLDER.glob("*.c"))]
     program = tmp_path / "fuzz"
-    command = [*compiler, "-std=c11", *SANITIZERS, "-Wno-unknown-pragmas", f"-I{compiling.FOLDER}", *numeric]
+    options = ["-DKIND=baseline", "-Wno-unknown-pragmas", f"-I{compiling.FOLDER}", "-pthread"]
+    command = [*compiler, "-std=c11", *SANITIZERS, *options]
     made = subprocess.run(
         [*command, *sources, str(HERE / "fuzz.c"), "-o", str(program), "-lm"], capture_output=True, text=True
     )
@@ -82,8 +78,18 @@ def test_long_horizons():
     assert entries[1] < 12 * entries[0]
 
 
+def test_sources_are_looked_at_where_one_is_younger_than_the_library(tmp_path, monkeypatch):
+    monkeypatch.setattr(core, "FOLDER", tmp_path)
+    monkeypatch.setattr(core, "LIBRARY", tmp_path / "library")
+    for number, name in enumerate(("kkt.c", "library", "other.py", "kkt.h")):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (number, number))
+        assert name == "kkt.c" or core._may_be_stale() == (name == "kkt.h")
+
+
 def test_old_library(monkeypatch):
     monkeypatch.setattr(compiling, "digest_of_sources", lambda: "another one")
+    monkeypatch.setattr(core, "_may_be_stale", lambda: True)
     core.library.cache_clear()
     with pytest.raises(StcError, match=r"older than its sources: .*compiling.py"):
         core.library()

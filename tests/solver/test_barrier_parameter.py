@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stc.codegen.calls import Bound, CallTable
+from stc.core.calls import Bound, CallTable
 from stc.solver import barrier_update, state
 from stc.solver.filter import Filter
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scaled_program import dense, inside, program, scaled
 from symbolic_program import INF, SymbolicProgram
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.solver import Options
 from stc.solver.active_set import project
 from stc.solver.elastic import ElasticKKT, ElasticProblem

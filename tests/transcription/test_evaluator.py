@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import stc
 from stc.codegen import threads
-from stc.codegen.calls import Bound, chain
+from stc.core.calls import Bound, chain
 from stc.errors import Source
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse

@@ -1,4 +1,4 @@
-"""Prepared calls of machine code, and chains of them.
+"""Prepared calls of machine code, and chains of them (``stc/core/calls.h``).
 
 A prepared call has all its arguments in consecutive 8-byte cells of memory; calling it hands over one
 address.  So every prepared call has the same form, one call can run a list of others, and compiled functions can make
@@ -9,17 +9,12 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import threading
-import weakref
 from collections.abc import Callable, Sequence
 from typing import Any, Self
 
 import numpy as np
 
-from stc.codegen.engine import LoadedObject
-from stc.codegen.fixed import FixedModule
-
-_lock = threading.Lock()
+from stc.core.library import library
 
 
 class Bound(functools.partial[Any]):
@@ -70,9 +65,9 @@ def chain(calls: Sequence[Bound]) -> Bound:
     Machine code throughout when all parts are, else a loop in Python.
     """
     parts = tuple(calls)
-    if not parts or not all(part.native for part in parts):
+    if not _all_native(parts):
         return Bound.of_python(_call_all, (parts,))
-    return _chained(None, [(part, False) for part in parts])
+    return _chained([(part, False) for part in parts])
 
 
 def chain_until(calls: Sequence[tuple[Bound, bool]]) -> Bound:
@@ -81,17 +76,20 @@ def chain_until(calls: Sequence[tuple[Bound, bool]]) -> Bound:
     The chain's own result is the place of the call that ended it, counted from 1, or 0.
     """
     parts = tuple(calls)
-    if not parts or not all(part.native for part, _ in parts):
+    if not _all_native([part for part, _ in parts]):
         return Bound.of_python(_call_until, (parts,))
-    return _chained(ctypes.c_int64, parts)
+    return _chained(parts)
 
 
-def _chained(result: Any, parts: Sequence[tuple[Bound, bool]]) -> Bound:
-    """The machine code of both, ``result`` being the type of what is handed over."""
-    cells = [len(parts)]
+def _all_native(parts: Sequence[Bound]) -> bool:
+    return bool(parts) and all(part.native for part in parts)
+
+
+def _chained(parts: Sequence[tuple[Bound, bool]]) -> Bound:
+    cells = [len(parts)]  # see ``chain`` in ``stc/core/calls.h``
     for part, checked in parts:
         cells += [packed_address(part), part.args[0], -1 if checked else 0]
-    return Bound.of_native(_chain_entry(result), cells, parts)
+    return Bound.of_native(library().chain_run, cells, parts)
 
 
 def packed_address(call: Bound) -> int:
@@ -103,7 +101,7 @@ def packed_address(call: Bound) -> int:
 
 
 class CallTable:
-    """Prepared calls that a compiled function makes by number, with :func:`invoke`.
+    """Prepared calls that a function of the core makes by number (``invoke`` in ``stc/core/native.h``).
 
     Calls of Python functions may be among them: what they raise is kept, and raised by :meth:`check`.
 
@@ -130,7 +128,6 @@ class CallTable:
             entry, address = packed_address(call), call.args[0]
         else:
             address = ctypes.addressof(call.integers)
-            _placed[address] = call
             self._entries[place] = made = _CALLBACK(functools.partial(self._guarded, call))
             entry = ctypes.cast(made, ctypes.c_void_p).value or 0
         self.cells[2 * place], self.cells[2 * place + 1] = entry, address
@@ -157,16 +154,6 @@ class CallTable:
 
 
 _CALLBACK = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)
-#: Python functions in tables, by the address of their cells.
-_placed: weakref.WeakValueDictionary[int, Bound] = weakref.WeakValueDictionary()
-
-
-def invoke(cells: Any, place: int) -> int:
-    """Make a call of a table; its result where that is a whole number.
-
-    In compiled functions, which have to be ``shared`` if it writes to their arrays.
-    """
-    return int(_placed[int(cells[2 * place + 1])]() or 0)
 
 
 def _call_all(parts: tuple[Bound, ...]) -> None:
@@ -179,49 +166,3 @@ def _call_until(parts: tuple[tuple[Bound, bool], ...]) -> int:
         if part() and checked:
             return place + 1
     return 0
-
-
-#: cells: count, then (entry, cells, mask of the result) of each part
-_CHAIN_IR = """\
-define i64 @chain(ptr %cells) nounwind {
-entry:
-  %count = load i64, ptr %cells, align 8
-  %any = icmp sgt i64 %count, 0
-  br i1 %any, label %each, label %done
-each:
-  %k = phi i64 [ 0, %entry ], [ %next, %passed ]
-  %first = mul i64 %k, 3
-  %second = add i64 %first, 1
-  %third = add i64 %first, 2
-  %fourth = add i64 %first, 3
-  %entry.place = getelementptr inbounds i64, ptr %cells, i64 %second
-  %cells.place = getelementptr inbounds i64, ptr %cells, i64 %third
-  %mask.place = getelementptr inbounds i64, ptr %cells, i64 %fourth
-  %function = load ptr, ptr %entry.place, align 8
-  %arguments = load ptr, ptr %cells.place, align 8
-  %mask = load i64, ptr %mask.place, align 8
-  %result = call i64 %function(ptr %arguments)
-  %checked = and i64 %result, %mask
-  %next = add i64 %k, 1
-  %ended = icmp ne i64 %checked, 0
-  br i1 %ended, label %stopped, label %passed
-passed:
-  %more = icmp slt i64 %next, %count
-  br i1 %more, label %each, label %done
-stopped:
-  ret i64 %next
-done:
-  ret i64 0
-}
-"""
-
-CHAIN = FixedModule("chain", ("chain",), lambda: _CHAIN_IR)
-_chain: list[LoadedObject] = []
-
-
-@functools.cache
-def _chain_entry(result: Any) -> Callable[..., Any]:
-    with _lock:
-        if not _chain:
-            _chain.append(CHAIN.load())
-        return ctypes.CFUNCTYPE(result, ctypes.c_void_p)(_chain[0].address("chain"))
