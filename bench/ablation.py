@@ -220,8 +220,6 @@ PATCHES: dict[str, list[tuple[str, str, Any]]] = {
         ("inertia_correction", "LARGEST_CURVATURE", 1.0),
     ],
     "last_shift_next": [("inertia_correction", "SMALLER", 0.0)],
-    "sized_shift": [("step_kernels", "SIZED", 0)],
-    "convex_shift": [("step_kernels", "SHARE", 1e300)],
     "lengthen": [("filter_line_search", "LONGER", 1.0)],
     "crawl": [("barrier_update", "PATIENT", 1e9)],
     "short_no_reduction": [("workspace", "SHORT", 0.0)],

@@ -174,7 +174,9 @@ def _flags_of(kind: str, packaged: bool) -> list[str]:
     return [f"-mcpu={'+'.join(['baseline', *named])}", *wide]
 
 
-def compile_libraries(target: Path, scratch: Path, flags: list[str] | None = None) -> None:
+def compile_libraries(
+    target: Path, scratch: Path, flags: list[str] | None = None, kinds: list[str] | None = None
+) -> None:
     """Compile the sources of this folder.
 
     Parameters
@@ -182,6 +184,7 @@ def compile_libraries(target: Path, scratch: Path, flags: list[str] | None = Non
     target : the folder that the libraries go to.
     scratch : a folder for what is needed on the way; it is made.
     flags : further ones: sanitizers, for tests.
+    kinds : the instruction sets; by default all that machines of this kind may have.
 
     Raises
     ------
@@ -224,7 +227,7 @@ def compile_libraries(target: Path, scratch: Path, flags: list[str] | None = Non
     # The largest first, so that no processor is left with one of them at the end.
     files = sorted([*FOLDER.rglob("*.c"), entries], key=lambda path: -path.stat().st_size)
     for source in files:
-        for kind in instructions():
+        for kind in kinds or instructions():
             made = scratch / f"{source.stem}_{kind}.o"
             built.setdefault(kind, []).append(str(made))
             arithmetic = ARITHMETIC.get(source.stem, EXACT)
@@ -237,7 +240,18 @@ def compile_libraries(target: Path, scratch: Path, flags: list[str] | None = Non
     target.mkdir(parents=True, exist_ok=True)
     for kind, objects in built.items():
         linked = scratch / file_of(kind)
-        run([*compiler, "-shared", *(flags or []), "-o", str(linked), *objects, "-lm", *(["-pthread"] if os.name == "posix" else [])])
+        run(
+            [
+                *compiler,
+                "-shared",
+                *(flags or []),
+                "-o",
+                str(linked),
+                *objects,
+                "-lm",
+                *(["-pthread"] if os.name == "posix" else []),
+            ]
+        )
         fresh = target / f"{linked.name}.new"
         shutil.copyfile(linked, fresh)
         fresh.replace(target / linked.name)  # whoever has the old one loaded keeps it

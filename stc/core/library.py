@@ -117,7 +117,11 @@ def library(kind: str | None = None) -> ctypes.CDLL:
     """
     loaded = _loaded(kind or instructions())
     loaded.core_sources.restype = ctypes.c_char_p
-    _check_sources(loaded)
+    if _may_be_stale(loaded._name):
+        from stc.core.compiling import digest_of_sources
+
+        if loaded.core_sources().decode() != digest_of_sources():
+            raise StcError(f"the numerical core ({loaded._name}) is older than its sources: {REBUILD}")
     call, pool = ctypes.c_void_p, ctypes.POINTER(Pool)
     for name, result, arguments in (
         ("kkt_new", ctypes.c_void_p, [ctypes.POINTER(Pattern), ctypes.POINTER(Arrays)]),
@@ -142,19 +146,11 @@ def library(kind: str | None = None) -> ctypes.CDLL:
     return loaded
 
 
-def _check_sources(loaded: ctypes.CDLL) -> None:
-    """In a checkout, whether a library was compiled from the sources that are there; an installed package has none.
-
-    Raises
-    ------
-    StcError : it was not.
-    """
+def _may_be_stale(library: str) -> bool:
+    """Whether a source has been written since a library was: never of an installed package, which has none."""
     if not os.path.exists(f"{FOLDER}/kkt.h"):  # noqa: PTH110
-        return
-    from stc.core import compiling
+        return False
+    from stc.core.compiling import sources
 
-    made = os.stat(loaded._name).st_mtime_ns  # noqa: PTH116
-    if all(path.stat().st_mtime_ns < made for path in compiling.sources()):
-        return  # hashing them takes longer
-    if loaded.core_sources().decode() != compiling.digest_of_sources():
-        raise StcError(f"the numerical core ({loaded._name}) is older than its sources: {REBUILD}")
+    compiled = os.stat(library).st_mtime_ns  # noqa: PTH116
+    return any(path.stat().st_mtime_ns > compiled for path in sources())

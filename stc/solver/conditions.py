@@ -20,16 +20,7 @@ __all__ = [
 ]
 
 #: Places in the results of :func:`stated_conditions`.
-STATIONARITY: Final = 0
-COMPLEMENTARITY: Final = 1
-VIOLATION: Final = 2
-GRADIENT: Final = 3  # largest entries, and sums of multipliers
-TERM: Final = 4
-MULTIPLIER: Final = 5
-SUM: Final = 6
 STATED: Final = 7
-#: Bounds beyond this are none.
-NONE: Final = 1e300
 
 #: See :func:`stc.solver.residuals.assess`; without ``given`` multipliers of the bounds, ``z`` (n,) is chosen.
 stated_conditions = function("conditions_stated_conditions")
@@ -46,9 +37,6 @@ gradient_of_lagrangian = function("conditions_gradient_of_lagrangian")
 
 
 #: Places in the results of :func:`point_conditions`.
-POINT_VIOLATION: Final = 0
-POINT_DUAL: Final = 1
-POINT_SUM: Final = 2
 POINT: Final = 3
 
 #: Gradient of the Lagrangian, multipliers of bounds (n,) where ``balanced`` is not 0, and the errors.

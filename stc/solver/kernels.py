@@ -19,13 +19,7 @@ INEQUALITY: Final = 1
 IGNORED: Final = 2
 
 #: Products of gaps between these are collected before their logarithm is taken.
-UNDERFLOW: Final = 1e-140
-OVERFLOW: Final = 1e140
 #: See :func:`multiplier_scale`.
-MEAN_MULTIPLIER: Final = 100.0
-LARGEST_SCALE: Final = 1e3
-#: Gap multipliers stay within this factor of mu / gap.
-NEAR_CENTRE: Final = 1e10
 
 #: Sum of the logarithms of positive numbers, nan when one is not.
 log_sum = function("kernels_log_sum")

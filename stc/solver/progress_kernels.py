@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from stc.core.functions import function
 
-NOTICEABLE = 0.9
 ITS_PATIENCE = 15
 MOST_TINY_STEPS = 3
-SMALL_STEP = 1e-9
-SHORT = 1e-2
-MOST_SHORT_STEPS = 5
-HALF = 0.5
-NEARLY_FEASIBLE = 1e-4
 LARGEST_ERROR = 1e50
 
 #: For :class:`Drift`: the objective and the dual error of the iterate just measured.

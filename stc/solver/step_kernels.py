@@ -18,10 +18,6 @@ CENTRED = 1.0
 BLOCK = 512
 #: What equality rows are softened by against dependent ones, relative to the square of the largest gradient entry.
 SOFT = 1e-8
-#: The least share of a gap that a step counts as closing, so that there is a largest multiple of it.
-LEAST_FALL = 1e-6
-#: Whether variables' sizes count in shifts of a damped Hessian; 0 is for bench/ablation.py.
-SIZED = 1
 
 #: ``ratio = z / gap``, its sum per entry of w, and the diagonals without shifts.
 diagonals = function("step_diagonals")

@@ -14,13 +14,9 @@ __all__ = ["ACCOUNT", "MADE", "TALLY", "end", "has_served", "note_waste"]
 #: In the tally of a system: attempts that succeeded since it was last looked at.
 MADE, TALLY = 0, 1
 
-#: A matrix costs more than its plan by its further entries, by this share of all for stages that strayed, ...
-STRAYING = 0.5
-#: ... and by so many entries for a rejected pivot.
-REJECTION = 25
 #: In the account of a system: what matrices have cost beyond the plan, what they may, entries and stages of the plan,
 #: the latter counted several times where straying costs little.
-WASTED, ALLOWANCE, ENTRIES, STAGES, ACCOUNT = 0, 1, 2, 3, 4
+WASTED, ACCOUNT = 0, 4
 
 #: Compare what the last factorisation cost with the plan.
 note_waste = function("plan_calls_note_waste")

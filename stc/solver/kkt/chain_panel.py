@@ -18,6 +18,4 @@ __all__ = ["NEGATIVE"]
 #: Places in ``state``: the largest entries on the diagonal of D^-1 so far, in groups of eight; the largest products due
 #: to these, the same; a sum that is finite if all pivots are; negative pivots; the largest entry of D^-1 beside the
 #: diagonal; the square of the largest product due to one. Others are as in lane_state.
-INVERSE, PRODUCT, CHECK, NEGATIVE, BESIDE, MIXED = 0, 8, 19, 20, 21, 22
-#: Of a panel's factors, behind those of the corner: the first terms of the largest products.
-FIRST_PRODUCTS = 12
+NEGATIVE = 20

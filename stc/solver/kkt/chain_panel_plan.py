@@ -15,11 +15,6 @@ Int32s = NDArray[np.int32]
 
 #: Cycles that a panel takes, that it takes for each block of columns, and for each block of a row that it changes; by
 #: members.
-PANEL_OF_1, PANEL_OF_2, PANEL_OF_4 = 40.0, 55.0, 85.0
-COLUMNS_OF_1, COLUMNS_OF_2, COLUMNS_OF_4 = 6.0, 10.0, 20.0
-BLOCK_OF_1, BLOCK_OF_2, BLOCK_OF_4 = 1.8, 2.3, 3.2
-#: More than any number of cycles.
-FAR = 1e300
 
 
 @dataclass(frozen=True)

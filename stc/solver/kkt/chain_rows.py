@@ -10,4 +10,4 @@ __all__ = ["HELD", "VECTORS"]
 #: Vectors of a stage in the work space, for each of two: the part of x that belongs to its rows; what is held back
 #: meanwhile; the part once it is scaled; sums of products with the matrix, by columns and by rows, of which there are
 #: eight for each row first.
-HELD, SCALED, SUMS, TOTALS, DOTS, VECTORS = 1, 2, 3, 4, 5, 13
+HELD, VECTORS = 1, 13

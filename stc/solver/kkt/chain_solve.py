@@ -20,8 +20,7 @@ __all__ = [
 ]
 
 #: What a run of stages is to do: whether it is a first solution, which is checked, and for which of two vectors.
-CHECKED, WHICH, PROGRESS = 0, 1, 2
-BOTH, FIRST, SECOND = 0, 1, 2
+PROGRESS = 2
 #: Where the runs' calls are among the prepared ones.
 FORWARD, FORWARD_TAIL, BACKWARD_TAIL, BACKWARD, CALLS = 0, 1, 2, 3, 4
 

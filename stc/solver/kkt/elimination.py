@@ -22,15 +22,10 @@ from stc.core.functions import function
 __all__ = ["FACTORS_FULL", "HOPELESS", "WINDOW_FULL", "factorize"]
 
 #: Results of ``factorize``.
-DONE = 0
 FACTORS_FULL = 1
 WINDOW_FULL = 2
 HOPELESS = 3
 
-#: Rounds over the candidates of a stage before the rest is delayed.
-ROUNDS = 3
-#: Thresholds below this are not tried.
-LOWEST_THRESHOLD = 1e-10
 
 #: Factorise; the window must be zero and is left so when the result is 0.
 factorize = function("elimination_factorize")

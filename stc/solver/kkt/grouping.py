@@ -13,8 +13,6 @@ __all__ = ["MEMBERS", "group_stage"]
 
 #: Pivots of a group, in unknowns, at most.
 MEMBERS = 16
-#: Cycles charged for a superfluous product, beyond those of the panel: it may be there for nothing later on, too.
-AVERSION = 0.5
 
 #: Cut the order that ``order_stage`` has found into groups.
 group_stage = function("grouping_group_stage")

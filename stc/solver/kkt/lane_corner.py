@@ -8,8 +8,6 @@ from __future__ import annotations
 
 __all__ = ["BESIDE", "CORNER", "KNOWN", "MOST"]
 
-#: Makes any number nothing, but not infinity.
-NO_SHARE = 1e-200
 #: Places in what is known of the members of a panel, eight numbers each: D^-1 on its diagonal, L in the corner (01, 02,
 #: 03, 12, 13, 23), D^-1 beside its diagonal, and the largest entries of C; numbers of all.
 CORNER = 32

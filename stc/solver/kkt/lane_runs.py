@@ -22,7 +22,6 @@ Int64s = NDArray[np.int64]
 #: that take turns in memory, whose runs are half as many steps and begin with step 0 and 1; then others. After these
 #: numbers come the entries.
 RUN = 4
-PAIRED = RUN
 SINGLE = RUN + RUN // 2
 LISTED = SINGLE + 1
 #: Runs of entries are brought at once where a step has so many of them that their lines leave the memory next to a

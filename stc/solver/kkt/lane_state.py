@@ -42,9 +42,7 @@ FETCHED = 28
 CHECK = 32
 STATE = 40
 #: The scale is tested with one matrix in so many and one more, or, where it was far from not serving, with fewer.
-SELDOM = 3.0
 RARELY = 11.0
 #: A scale serves as long as the largest entries of all rows are within this factor of 1; that far they are not far
 #: from where it does not.
 STALE = 1024.0
-UNEASY = 32.0

@@ -44,7 +44,3 @@ FACTORS, FACTOR_STEP, SEGMENTS, FOLLOWING, PANEL_STARTS, MATRIX, ADDED = 25, 26,
 RUNS = 32
 FIELDS = 33
 #: Entries of the matrix are asked for so many steps ahead; a line of memory has those of a lane for so many or more.
-STEPS_AHEAD = 8
-STEPS_OF_LINE = 4
-#: Magnitudes below this are zeros.
-NOTHING = 1e-300

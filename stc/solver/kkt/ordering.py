@@ -40,16 +40,8 @@ MARGIN = 0.01
 #: Leaves have no more entries than this in their columns, and diagonals of at least this share of the largest: they
 #: leave no choice later.
 LEAF = 4
-STRONG = 0.3
 #: Sizes stay between these, so that what is there never vanishes.
 SMALLEST = 1e-30
-LARGEST = 1e30
-#: Entries below this are no pivots at all.
-NEGLIGIBLE = 1e-9
-#: What may fail the test is planned only where nothing else is left: its cost is multiplied by this.
-PENALTY = 1e6
-#: Slots looked at in the search for one pivot, about.
-EFFORT = 30000
 #: Those with at most this many times the fewest multiplications are compared by their fill, as a rule.
 COMPARED = 2.0
 #: Sets of slots that the search needs room for.

@@ -39,8 +39,3 @@ DELAYED = 6
 REJECTED = 7
 STRAYED = 8
 COUNTS = 9
-
-#: A 2x2 pivot needs a determinant of at least this much of its larger product.
-CANCELLATION = 1e-3
-#: The larger share of the diagonal for which Bunch and Parlett prefer a 1x1 pivot.
-BUNCH_PARLETT = 0.64

@@ -60,15 +60,10 @@ SUITED, REFUSED = 1, 2
 ELIMINATE, EQUILIBRATE, PROBE, END, SOLVE, SOLVE_BOTH, CALLS = 0, 1, 2, 3, 4, 5, 6
 #: Where growth or inverses are larger than is trusted, factors are tried on a right-hand side: the residual, before
 #: refinement, should be no larger than INACCURATE, and the solution no longer than SINGULAR times as much.
-INACCURATE = 1e-5
 SINGULAR = 3e9
 #: Where both are below this share of that, factors are not tried again until they are so many times as suspect, but
 #: above this share in any case, ...
-EASILY = 0.01
-MORE = 3.0
 MOST_TRUSTED = 1e-2
-#: ... unless both are below this one: factors of many bodies are always suspect and hardly ever inaccurate.
-BY_FAR = 1e-4
 
 #: 1 where another plan may suit better: H has become zero or is so no longer, or it is time to choose.
 begin = function("plan_calls_begin")

@@ -26,9 +26,6 @@ __all__ = ["postponed"]
 
 Int32s = NDArray[np.int32]
 
-#: How an equation couples with other stages: not at all, with the next one alone, or with others: only the second kind
-#: can wait.
-ALONE, AHEAD, ELSEWHERE = 0, 1, 2
 #: What a variable is to those: known to other stages, by an equation that couples with these, or a control.
 ORDINARY, CONTROL = 1, 2
 

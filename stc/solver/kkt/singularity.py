@@ -19,16 +19,6 @@ from stc.core.functions import function
 
 __all__ = ["confirm_zeros"]
 
-#: Pivots of the equilibrated matrix below this are suspected ...
-SUSPECT = 1e-8
-#: ... this many of them at most,
-CHECKS = 24
-#: and zero when the estimate of the eigenvalue is no more than this ...
-NULL = 1e-13
-#: ... and its bound no more than this.
-BOUND = 1e-10
-#: The rounding unit.
-UNIT = 2.0**-53
 
 #: Count pivots as zero, and replace them, where the matrix is singular to working precision.
 confirm_zeros = function("singularity_confirm_zeros")

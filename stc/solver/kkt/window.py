@@ -14,12 +14,8 @@ from stc.core.functions import function
 
 __all__ = ["LANES", "clear", "gather", "gather_listed", "largest", "merge", "subtract_one", "subtract_two"]
 
-#: Larger than any slot.
-NO_SLOT = 1099511627776
 #: Rows are padded to whole vectors.
 LANES = 8
-#: A row is updated as a whole rather than entry by entry when it has at most this many entries per listed one.
-DENSE_RATIO = 6
 
 #: List the nonzeros of a column among the slots below ``top`` and from ``low`` to ``high``; their number.
 gather = function("window_gather")
