@@ -24,9 +24,9 @@ class BuildWithCore(build_py):
             compiling["compile_libraries"](root.resolve() / "stc/core", here / "build/core")
         except (RuntimeError, OSError) as error:
             sys.exit(
-                f"{error}\nThe numerical core of this package is C, and could not be compiled. It needs a C compiler (GCC 12, "
-                "Clang 15 or later, found as cc or named by CC), or the package ziglang, which pip fetches by itself "
-                "where it may."
+                f"{error}\nThe numerical core of this package is C, and could not be compiled. It needs a C compiler "
+                "(GCC 12, Clang 15 or later, found as cc or named by CC), or the package ziglang, which pip fetches by "
+                "itself where it may."
             )
 
 

@@ -58,6 +58,8 @@ def test_solves_under_sanitizers(tmp_path):
         "LD_PRELOAD": found.stdout.strip(),
         "ASAN_OPTIONS": "detect_leaks=0",
         "PYTHONMALLOC": "malloc",  # so that the ends of arrays are known
+        "PYTHONPATH": str(HERE.parent),
+        "STC_BACKEND": "python",
     }
     script = [sys.executable, str(HERE / "under_sanitizers.py"), str(tmp_path / "made")]
     done = subprocess.run(script, capture_output=True, text=True, env=environment, cwd=HERE.parent)
