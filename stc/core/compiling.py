@@ -36,7 +36,7 @@ INSTRUCTIONS = {
     "avx512": ["avx2", "fma", "bmi", "bmi2", "popcnt", "avx512f", "avx512dq", "avx512vl"],
 }
 FLAGS = [
-    "-std=c11", "-O3", "-fPIC", "-fvisibility=hidden", "-fno-math-errno", "-fno-trapping-math",
+    "-std=c11", "-O3", "-fPIC", "-fvisibility=hidden", "-fno-math-errno", "-fno-trapping-math", "-fopenmp-simd",
     "-Wno-unknown-pragmas", "-Wno-psabi",
 ]  # fmt: skip
 #: Of all files: products and sums are rounded as they are written, so that results are the same on all processors, ...
@@ -47,7 +47,7 @@ CONTRACTED = ["-ffp-contract=fast"]
 REORDERED = [*CONTRACTED, "-fassociative-math", "-fno-signed-zeros"]
 ARITHMETIC = {
     **dict.fromkeys(
-        ["numeric", "chain_elimination", "chain_panel", "chain_substitution", "lane_panel", "lane_runs"], CONTRACTED
+        ["numeric", "chain_elimination", "chain_panel", "chain_substitution", "lane_panel", "lane_runs", "segmented_parts"], CONTRACTED
     ),
     **dict.fromkeys(
         [

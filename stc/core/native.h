@@ -46,6 +46,11 @@ ALWAYS_INLINE double dmax(double a, double b) { return b > a ? b : a; }
 ALWAYS_INLINE double nanmin(double a, double b) { return a < b || a != a ? a : b; }
 ALWAYS_INLINE double nanmax(double a, double b) { return a > b || a != a ? a : b; }
 
+/* For loops that find the largest or smallest of many numbers, with registers side by side: compilers know only what to
+ * do where numbers are numbers. */
+#pragma omp declare reduction(highest : double : omp_out = nanmax(omp_out, omp_in)) initializer(omp_priv = omp_orig)
+#pragma omp declare reduction(lowest : double : omp_out = nanmin(omp_out, omp_in)) initializer(omp_priv = omp_orig)
+
 ALWAYS_INLINE double squared(double x) { return x * x; }
 
 ALWAYS_INLINE int64_t count_bits(int64_t x) { return __builtin_popcountll((unsigned long long)x); }

@@ -45,6 +45,7 @@ void conditions_stated_conditions(int64_t n, int64_t m, int64_t entries, int64_t
     double term = 0.0;
     double check = 0.0;
     double most = 0.0;
+#pragma omp simd reduction(+ : check) reduction(highest : most)
     for (int64_t i = 0; i < n; i++) {
         double value = gradient[i];
         lagrangian[i] = value;
@@ -64,6 +65,7 @@ void conditions_stated_conditions(int64_t n, int64_t m, int64_t entries, int64_t
     double complementarity = 0.0;
     double violation = 0.0;
     double largest = 0.0;
+#pragma omp simd reduction(+ : total, check) reduction(highest : largest, stationarity, complementarity, violation)
     for (int64_t i = 0; i < n; i++) {
         double slope = lagrangian[i];
         double multiplier = z[i];
@@ -80,6 +82,7 @@ void conditions_stated_conditions(int64_t n, int64_t m, int64_t entries, int64_t
         check += x[i] * 0.0;
         violation = nanmax(violation, worst);
     }
+#pragma omp simd reduction(+ : total, check) reduction(highest : complementarity, violation)
     for (int64_t k = 0; k < m; k++) {
         total += fabs(y[k]);
         complementarity = nanmax(complementarity, product(y[k], r[k], row_lower[k], row_upper[k]));
@@ -145,6 +148,7 @@ void conditions_restrict(int64_t n, int64_t m, int64_t entries, int64_t curved, 
                          double *restrict out_hess, double *restrict out_jac, double *restrict rhs,
                          double *restrict largest) {
     double moved = 0.0;
+#pragma omp simd reduction(highest : moved)
     for (int64_t i = 0; i < n; i++) {
         dx[i] = active_x[i] != 0.0 ? x_target[i] - x[i] : 0.0;
         rhs[i] = -lagrangian[i];
@@ -157,6 +161,7 @@ void conditions_restrict(int64_t n, int64_t m, int64_t entries, int64_t curved, 
         pulled = nanmax(pulled, fabs(dy[k]));
     }
     double high = 0.0;
+#pragma omp simd reduction(highest : high)
     for (int64_t e = 0; e < curved; e++) {
         out_hess[e] = hess[e];
         high = nanmax(high, fabs(hess[e]));
@@ -256,6 +261,7 @@ void conditions_point_conditions(int64_t n, int64_t m, int64_t entries, const do
     double check = 0.0;
     double total = 0.0;
     double dual = 0.0;
+#pragma omp simd reduction(+ : check, total) reduction(highest : dual)
     for (int64_t i = 0; i < n; i++) {
         double slope = lagrangian[i];
         check += slope * 0.0;
@@ -266,6 +272,7 @@ void conditions_point_conditions(int64_t n, int64_t m, int64_t entries, const do
         if (multiplier != 0.0) dual = nanmax(dual, product(multiplier, x[i], x_lower[i], x_upper[i]));
     }
     double violation = 0.0;
+#pragma omp simd reduction(+ : total, check) reduction(highest : dual, violation)
     for (int64_t k = 0; k < m; k++) {
         total += fabs(y[k]);
         if (y[k] != 0.0) dual = nanmax(dual, product(y[k], r[k], row_lower[k], row_upper[k]));
@@ -308,6 +315,7 @@ void conditions_advance(int64_t n, int64_t m, const double *restrict active_x, c
                         double *restrict out) {
     double largest = 0.0;
     double check = 0.0;
+#pragma omp simd reduction(+ : check) reduction(highest : largest)
     for (int64_t i = 0; i < n; i++) {
         double change = dx[i] + solution[i] * (1.0 - active_x[i]);
         largest = nanmax(largest, fabs(change));

@@ -57,6 +57,7 @@ void kernels_measure(int64_t size, int64_t m, int64_t gaps, double unit, const i
     double products = 0.0;
     double largest = 0.0;
     double target = mu[0];
+#pragma omp simd reduction(+ : z_sum, products) reduction(highest : largest)
     for (int64_t k = 0; k < gaps; k++) {
         double product = gap[k] * z[k];
         z_sum += z[k];
@@ -72,6 +73,7 @@ void kernels_measure(int64_t size, int64_t m, int64_t gaps, double unit, const i
     double squared = 0.0;
     double far = 0.0;
     double check = 0.0;
+#pragma omp simd reduction(+ : squared, check) reduction(highest : largest, far)
     for (int64_t i = 0; i < size; i++) {
         double value = residual[i];
         largest = nanmax(largest, fabs(value));
@@ -86,6 +88,7 @@ void kernels_measure(int64_t size, int64_t m, int64_t gaps, double unit, const i
     squared = 0.0;
     double y_sum = 0.0;
     check = 0.0;
+#pragma omp simd reduction(+ : squared, check, y_sum) reduction(highest : largest)
     for (int64_t r = 0; r < m; r++) {
         double value = c[r];
         largest = nanmax(largest, fabs(value));
@@ -107,11 +110,13 @@ void kernels_overstepped(int64_t row_count, const int64_t *restrict row_places, 
                          const double *restrict x_units, const double *restrict x, double *restrict out) {
     double worst = 0.0;
     double check = 0.0;
+#pragma omp simd reduction(+ : check) reduction(highest : worst)
     for (int64_t k = 0; k < row_count; k++) {
         double value = r[row_places[k]];
         check += value * 0.0;
         worst = nanmax(worst, (row_limits[k] - value) * row_units[k]);
     }
+#pragma omp simd reduction(highest : worst)
     for (int64_t k = 0; k < x_count; k++) worst = nanmax(worst, (x_limits[k] - x[x_places[k]]) * x_units[k]);
     out[0] = check == 0.0 ? worst : INFINITY;
 }
@@ -137,6 +142,7 @@ void kernels_inspect(int64_t n, int64_t m, int64_t gaps, const int64_t *restrict
         theta += fabs(value);
     }
     double smallest = 1e+300;
+#pragma omp simd reduction(lowest : smallest)
     for (int64_t k = 0; k < gaps; k++) {
         double value = sign[k] * (w[index[k]] - bound[k]);
         gap[k] = value;
@@ -228,6 +234,7 @@ void kernels_move(int64_t n, int64_t m, int64_t gaps, const double *restrict mov
     }
     s[MOVED] = 1.0;
     double step = 0.0;
+#pragma omp simd reduction(highest : step)
     for (int64_t i = 0; i < n + m; i++) {
         step = nanmax(step, fabs(trial_w[i] - w[i]) / (1.0 + fabs(w[i])));
         w[i] = trial_w[i];

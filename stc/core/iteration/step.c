@@ -127,6 +127,7 @@ void step_lengths(int64_t n, int64_t m, int64_t gaps, const int64_t *restrict in
     double fall = 0.0;
     double fall_z = 0.0;
     double log_slope = 0.0;
+#pragma omp simd reduction(+ : log_slope) reduction(highest : fall, fall_z)
     for (int64_t k = 0; k < gaps; k++) {
         double change = sign[k] * dw[index[k]] / gap[k];
         fall = nanmax(fall, -change);
@@ -148,6 +149,7 @@ void step_lengths(int64_t n, int64_t m, int64_t gaps, const int64_t *restrict in
     s[LENGTH] = sqrt(squared);
     double check = 0.0;
     double most = 0.0;
+#pragma omp simd reduction(+ : check) reduction(highest : most)
     for (int64_t i = 0; i < n + m; i++) {
         most = nanmax(most, fabs(dw[i]) / (1.0 + fabs(w[i])));
         check += dw[i] * 0.0;
@@ -191,6 +193,7 @@ ALWAYS_INLINE void steps_to_bounds(int64_t begin, int64_t end, int64_t count, co
         double sigma = grid[trial];
         double most = falls[trial];
         double most_z = falls_z[trial];
+#pragma omp simd reduction(highest : most, most_z)
         for (int64_t k = 0; k < end - begin; k++) {
             most = nanmax(most, fall_1[k] + sigma * fall_2[k]);
             most_z = nanmax(most_z, fall_z1[k] + sigma * fall_z2[k]);
@@ -291,6 +294,7 @@ void step_least_squares(int64_t n, int64_t m, int64_t gaps, int64_t entries, int
                         double *restrict rhs) {
     for (int64_t e = 0; e < curved; e++) out_hess[e] = 0.0;
     double largest = 0.0;
+#pragma omp simd reduction(highest : largest)
     for (int64_t e = 0; e < entries; e++) {
         out_jac[e] = jac[e];
         largest = nanmax(largest, fabs(jac[e]));

@@ -161,6 +161,7 @@ static void norms(int64_t size, const double *restrict x, const double *restrict
     double check = 0.0;
     double length = 0.0;
     double remaining = 0.0;
+#pragma omp simd reduction(+ : check) reduction(highest : length, remaining)
     for (int64_t k = 0; k < size; k++) {
         check += (x[k] + z[k]) * 0.0;
         length = nanmax(length, fabs(x[k]));

@@ -64,6 +64,7 @@ static void measure(int64_t p, int64_t top, const double *restrict sizes, int32_
         count--;
         if (fabs(row[p]) >= high) {
             high = 0.0;
+#pragma omp simd reduction(highest : high)
             for (int64_t k = 0; k < top; k++) high = nanmax(high, k != p ? fabs(row[k]) : 0.0);
         }
     }
@@ -78,6 +79,7 @@ static double largest(int64_t p, int64_t left_out, int64_t top, const double *re
     double high = most[p];
     if (fabs(row[left_out]) == high) {
         high = 0.0;
+#pragma omp simd reduction(highest : high)
         for (int64_t k = 0; k < top; k++) high = nanmax(high, k != p && k != left_out ? fabs(row[k]) : 0.0);
     }
     return high;

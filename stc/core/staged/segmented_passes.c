@@ -153,6 +153,7 @@ static void subtract_rest(int64_t outer, int64_t rest, int64_t entries, const in
 static double largest_in(int64_t count, const double *restrict x) {
     double check = 0.0;
     double high = 0.0;
+#pragma omp simd reduction(+ : check) reduction(highest : high)
     for (int64_t k = 0; k < count; k++) {
         check += x[k] * 0.0;
         high = nanmax(high, fabs(x[k]));

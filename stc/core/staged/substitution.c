@@ -246,6 +246,7 @@ void substitution_substitute(int64_t both, int64_t count, const int32_t *restric
 /* Largest magnitude. */
 ALWAYS_INLINE double norm(int64_t size, const double *restrict x) {
     double most = 0.0;
+#pragma omp simd reduction(highest : most)
     for (int64_t k = 0; k < size; k++) most = nanmax(most, fabs(x[k]));
     return most;
 }

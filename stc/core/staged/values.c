@@ -66,6 +66,7 @@ static void refine(int64_t size, const double *restrict most, double *restrict s
 int64_t values_find_scale(int64_t size, const double *restrict most, double *restrict scale) {
     double low = VALUES_LARGEST_SCALE;
     double high = 0.0;
+#pragma omp simd reduction(highest : high) reduction(lowest : low)
     for (int64_t k = 0; k < size; k++) {
         double value = most[k];
         high = nanmax(high, value);

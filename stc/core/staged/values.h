@@ -41,6 +41,7 @@ API double values_residual(int64_t size, const int32_t *restrict pointers, const
 ALWAYS_INLINE double values_bring_scaled(int64_t size, const int32_t *restrict index, const double *restrict scale,
                                          const double *restrict rhs, double *restrict scaled_rhs) {
     double most = 0.0;
+#pragma omp simd reduction(highest : most)
     for (int64_t k = 0; k < size; k++) {
         double value = rhs[index[k]] * scale[k];
         scaled_rhs[k] = value;
@@ -68,6 +69,7 @@ static inline void values_raise_to(int64_t count, const double *restrict x, doub
 /* How far from 1 the largest entries are; rows of zeros do not count. */
 static inline double values_spread_of(int64_t size, const double *restrict most) {
     double spread = 1.0;
+#pragma omp simd reduction(highest : spread)
     for (int64_t k = 0; k < size; k++) {
         double value = most[k];
         value = value > 0.0 ? value : 1.0;
