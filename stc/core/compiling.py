@@ -39,23 +39,12 @@ FLAGS = [
     "-std=c11", "-O3", "-fPIC", "-fvisibility=hidden", "-fno-math-errno", "-fno-trapping-math", "-fopenmp-simd",
     "-Wno-unknown-pragmas", "-Wno-psabi",
 ]  # fmt: skip
-#: Of all files: products and sums are rounded as they are written, so that results are the same on all processors, ...
-EXACT = ["-ffp-contract=off"]
-#: ... but for inner loops, where they are contracted to multiply-adds, ...
-CONTRACTED = ["-ffp-contract=fast"]
-#: ... and some where sums are also reordered.  Infinity and what is no number keep their meaning.
-REORDERED = [*CONTRACTED, "-fassociative-math", "-fno-signed-zeros"]
-ARITHMETIC = {
-    **dict.fromkeys(
-        ["numeric", "chain_elimination", "chain_panel", "chain_substitution", "lane_panel", "lane_runs", "segmented_parts"], CONTRACTED
-    ),
-    **dict.fromkeys(
-        [
-            "gather", "conditions", "elastic", "kernels", "step", "chain_rows", "chain_solve", "lane_rows", "lanes",
-            "panel", "segmented_passes", "substitution", "values", "window",
-        ],
-        REORDERED,
-    ),
+#: Products and sums are rounded as they are written, so that results are the same on all processors, but for inner
+#: loops, where they are contracted to multiply-adds.
+CONTRACTED = {
+    "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions", "elastic",
+    "gather", "kernels", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "panel", "segmented_parts",
+    "segmented_passes", "step", "substitution", "values", "window",
 }  # fmt: skip
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));
@@ -230,8 +219,8 @@ def compile_libraries(
         for kind in kinds or instructions():
             made = scratch / f"{source.stem}_{kind}.o"
             built.setdefault(kind, []).append(str(made))
-            arithmetic = ARITHMETIC.get(source.stem, EXACT)
-            options = [*FLAGS, *in_place, *arithmetic, *_flags_of(kind, own is None), *more, *(flags or [])]
+            arithmetic = f"-ffp-contract={'fast' if source.stem in CONTRACTED else 'off'}"
+            options = [*FLAGS, *in_place, arithmetic, *_flags_of(kind, own is None), *more, *(flags or [])]
             if source.stem == "processor":
                 options.append(f'-DCORE_SOURCES="{digest_of_sources()}"')
             jobs.append((source, options, made))

@@ -31,6 +31,7 @@ void gather_place(int64_t count, const double *restrict values, const double *re
 
 int64_t gather_note(int64_t count, const double *restrict values, double *restrict noted, int64_t *restrict same) {
     double difference = 0.0;
+#pragma omp simd reduction(+ : difference)
     for (int64_t k = 0; k < count; k++) {
         difference += fabs(values[k] - noted[k]);
         noted[k] = values[k];
@@ -68,6 +69,7 @@ ALWAYS_INLINE double sum(int64_t count, const int32_t *restrict source, const do
             c += buffer[source[k + 2]];
             d += buffer[source[k + 3]];
         }
+#pragma omp simd reduction(+ : a)
         for (int64_t k = fours; k < end; k++) a += buffer[source[k]];
         result += a + b + (c + d);
     }
@@ -89,6 +91,7 @@ void gather_copy_runs(int64_t runs, const int32_t *restrict source, const int32_
     for (int64_t run = 0; run < runs; run++) {
         const double *values = buffer + source[run];
         double *target = out + into[run];
+#pragma omp simd reduction(+ : bad)
         for (int64_t k = 0; k < length[run]; k++) {
             double value = values[k];
             target[k] = value;
@@ -106,6 +109,7 @@ void gather_scale_runs(int64_t runs, const int32_t *restrict source, const int32
         const double *values = buffer + source[run];
         double *target = out + into[run];
         const double *factors = scale + first[run];
+#pragma omp simd reduction(+ : bad)
         for (int64_t k = 0; k < length[run]; k++) {
             double value = factors[k] * values[k];
             target[k] = value;

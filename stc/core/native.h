@@ -46,8 +46,8 @@ ALWAYS_INLINE double dmax(double a, double b) { return b > a ? b : a; }
 ALWAYS_INLINE double nanmin(double a, double b) { return a < b || a != a ? a : b; }
 ALWAYS_INLINE double nanmax(double a, double b) { return a > b || a != a ? a : b; }
 
-/* For loops that find the largest or smallest of many numbers, with registers side by side: compilers know only what to
- * do where numbers are numbers. */
+/* Loops add up numbers, or find the largest or smallest, in any order where they say so (omp simd): with registers side
+ * by side.  Flags that would let compilers reorder all sums cost infinity and what is no number their meaning. */
 #pragma omp declare reduction(highest : double : omp_out = nanmax(omp_out, omp_in)) initializer(omp_priv = omp_orig)
 #pragma omp declare reduction(lowest : double : omp_out = nanmin(omp_out, omp_in)) initializer(omp_priv = omp_orig)
 

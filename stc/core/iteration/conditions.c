@@ -194,10 +194,12 @@ double conditions_respond(int64_t n, int64_t m, int64_t entries, int64_t curved,
                           const double *restrict hess, const double *restrict gradient, const double *restrict d,
                           const double *restrict y, double *restrict pull, double *restrict moved) {
     double check = 0.0;
+#pragma omp simd reduction(+ : check)
     for (int64_t i = 0; i < n; i++) {
         pull[i] = -gradient[i];
         check += d[i] * 0.0;
     }
+#pragma omp simd reduction(+ : check)
     for (int64_t k = 0; k < m; k++) {
         moved[k] = 0.0;
         check += y[k] * 0.0;
@@ -322,6 +324,7 @@ void conditions_advance(int64_t n, int64_t m, const double *restrict active_x, c
         check += change * 0.0;
         next_x[i] = nanmin(nanmax(x[i] + change, lower[i]), upper[i]);
     }
+#pragma omp simd reduction(+ : check)
     for (int64_t k = 0; k < m; k++) {
         double change = dy[k] + solution[n + k] * active_rows[k];
         check += change * 0.0;

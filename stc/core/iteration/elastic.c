@@ -40,11 +40,13 @@ void elastic_values(int64_t n, int64_t m, double price, const double *restrict c
                     const double *restrict own_status, const double *restrict x, double *restrict f,
                     double *restrict r, double *restrict status) {
     double away = 0.0;
+#pragma omp simd reduction(+ : away)
     for (int64_t k = 0; k < n; k++) {
         double way = x[k] - reference[k];
         away += curvature[k] * way * way;
     }
     double total = 0.0;
+#pragma omp simd reduction(+ : total)
     for (int64_t k = 0; k < m; k++) {
         double p = x[n + k];
         double q = x[n + m + k];

@@ -135,6 +135,7 @@ void kernels_inspect(int64_t n, int64_t m, int64_t gaps, const int64_t *restrict
                      const double *restrict bound, const int32_t *restrict kind, const double *restrict w,
                      const double *restrict r, double *restrict gap, double *restrict c, double *restrict s) {
     double theta = 0.0;
+#pragma omp simd reduction(+ : theta)
     for (int64_t k = 0; k < m; k++) {
         double value = r[k] - w[n + k];
         value = kind[k] == IGNORED ? 0.0 : value;
@@ -186,6 +187,7 @@ void kernels_blend(int64_t n, int64_t m, int64_t gaps, const int64_t *restrict i
         for (int64_t i = 0; i < n; i++) left[i] -= primal * shifted[0] * shifts[i] * dw[i];
         double length = 0.0;
         double product = 0.0;
+#pragma omp simd reduction(+ : length, product)
         for (int64_t i = 0; i < n + m; i++) {
             length += turn[i] * turn[i];
             product += left[i] * turn[i];
@@ -212,6 +214,7 @@ static double lagrangian(int64_t n, int64_t m, const double *restrict moving, co
     for (int64_t i = 0; i < n; i++)
         dual[i] = gradient[i] + column_times(start[i], start[i + 1], order, rows, jac, y);
     for (int64_t r = 0; r < m; r++) dual[n + r] = -y[r];
+#pragma omp simd reduction(+ : check)
     for (int64_t i = 0; i < n + m; i++) {
         dual[i] *= moving[i];
         check += dual[i] * 0.0;

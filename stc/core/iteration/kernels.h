@@ -93,6 +93,7 @@ API void kernels_symmetric_times(int64_t count, const int64_t *restrict rows, co
 static inline double kernels_lagrangian_after(int64_t m, double phi, const double *restrict y,
                                               const double *restrict dy, const double *restrict c) {
     double total = phi;
+#pragma omp simd reduction(+ : total)
     for (int64_t r = 0; r < m; r++) total += (y[r] + dy[r]) * c[r];
     return total;
 }

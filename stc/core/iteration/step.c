@@ -141,6 +141,7 @@ void step_lengths(int64_t n, int64_t m, int64_t gaps, const int64_t *restrict in
     s[LOG_SLOPE] = log_slope;
     double slope = 0.0;
     double squared = 0.0;
+#pragma omp simd reduction(+ : slope, squared)
     for (int64_t i = 0; i < n; i++) {
         slope += gradient[i] * dw[i];
         squared += dw[i] * dw[i];
@@ -154,7 +155,9 @@ void step_lengths(int64_t n, int64_t m, int64_t gaps, const int64_t *restrict in
         most = nanmax(most, fabs(dw[i]) / (1.0 + fabs(w[i])));
         check += dw[i] * 0.0;
     }
+#pragma omp simd reduction(+ : check)
     for (int64_t r = 0; r < m; r++) check += dy[r] * 0.0;
+#pragma omp simd reduction(+ : check)
     for (int64_t k = 0; k < gaps; k++) check += dz[k] * 0.0;
     s[RELATIVE] = most;
     s[FINITE] = check;
@@ -209,6 +212,7 @@ ALWAYS_INLINE double squares(int64_t begin, int64_t end, double sigma, double a,
                              const double *restrict centring_z, const double *restrict gap_1,
                              const double *restrict gap_2) {
     double squares = 0.0;
+#pragma omp simd reduction(+ : squares)
     for (int64_t k = begin; k < end; k++) {
         double product =
             (gap[k] + a * (gap_1[k] + sigma * gap_2[k])) * (z[k] + b * (affine_z[k] + sigma * centring_z[k]));

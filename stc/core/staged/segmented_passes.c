@@ -21,7 +21,9 @@ int64_t segmented_passes_diagonal_of(int64_t n, int64_t m, int64_t at, int64_t c
     for (int64_t k = n; k < n + m; k++) diagonal[k] = -own[k];
     for (int64_t k = 0; k < curved; k++) diagonal[curved_variable[k]] += given[curved_source[k]];
     double check = 0.0;
+#pragma omp simd reduction(+ : check)
     for (int64_t k = 0; k < n + m; k++) check += diagonal[k] * 0.0;
+#pragma omp simd reduction(+ : check)
     for (int64_t k = 0; k < checked; k++) check += given[k] * 0.0;
     int64_t k = 0;
     while (k < curvatures && given[k] == 0.0) k++;

@@ -165,6 +165,7 @@ ALWAYS_INLINE void substitute(int64_t both, int64_t count, const int32_t *restri
             const double *column = upper + starts[2 * k];
             double total = 0.0;
             double other_total = 0.0;
+#pragma omp simd reduction(+ : total, other_total)
             for (int64_t e = 0; e < -1 - length; e++) {
                 total += column[e] * x[own[e]];
                 if (both != 0) other_total += column[e] * other_x[own[e]];
@@ -183,6 +184,7 @@ ALWAYS_INLINE void substitute(int64_t both, int64_t count, const int32_t *restri
                 double total = x[p];
                 double other_total = other_x[p];
                 const double *column = factors + value_at;
+#pragma omp simd reduction(+ : total, other_total)
                 for (int64_t e = 0; e < length; e++) {
                     total -= column[e] * x[own[e]];
                     if (both != 0) other_total -= column[e] * other_x[own[e]];
