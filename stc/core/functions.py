@@ -23,7 +23,11 @@ from stc.core.library import library
 
 __all__ = ["ArgumentError", "BoundFunction", "Function", "function"]
 
-_DTYPES = {"D": np.dtype(np.float64), "I": np.dtype(np.int32), "L": np.dtype(np.int64)}
+_DTYPES: dict[str, np.dtype[Any]] = {
+    "D": np.dtype(np.float64),
+    "I": np.dtype(np.int32),
+    "L": np.dtype(np.int64),
+}
 _RESULTS = {"v": None, "i": ctypes.c_int64, "d": ctypes.c_double}
 _ENTRIES = {kind: ctypes.CFUNCTYPE(result, ctypes.c_void_p) for kind, result in _RESULTS.items()}
 _one_byte: Any = ctypes.c_char.from_buffer

@@ -91,7 +91,7 @@ class Folding:
 
     def bind(self, buffer: FloatArray) -> list[Bound]:
         """Calls that fold ``buffer``."""
-        calls = []
+        calls: list[Bound] = []
         if len(self.doubled):
             twice = self.doubled
             calls.append(_fold.bind(len(twice), twice, twice, buffer))
@@ -177,7 +177,7 @@ class Copying:
 
     def bind(self, buffer: FloatArray, scale: FloatArray, out: FloatArray, status: FloatArray) -> list[Bound]:
         """Calls that copy, and make ``status`` (1,) nan where an entry is not finite; ``scale`` (k,)."""
-        calls = []
+        calls: list[Bound] = []
         if len(self.run_first):
             runs = self.run_source, self.run_at, self.run_length
             common = buffer, out, status
