@@ -32,7 +32,7 @@ INSTRUCTIONS = {
     "avx2": ["avx2", "fma"],
     "avx512": ["avx2", "fma", "avx512f", "avx512dq", "avx512vl"],
 }
-FLAGS = ["-std=c11", "-O3", "-fno-tree-loop-distribute-patterns", "-fPIC", "-fvisibility=hidden", "-fno-math-errno", "-Wno-unknown-pragmas"]
+FLAGS = ["-std=c11", "-O3", "-fPIC", "-fvisibility=hidden", "-fno-math-errno", "-Wno-unknown-pragmas"]
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));
 int main(int n, char **a) { lanes x = {n, n}; (void)a; return sqrt((x + x)[0]) == sqrt(2.0) ? 0 : 1; }
