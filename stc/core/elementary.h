@@ -21,6 +21,9 @@
 #define FUSED 0
 #endif
 
+/* Representations: without a sign, so that sums may go round. */
+typedef uint64_t words __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
+
 /* a b + c with one rounding. */
 static inline lanes fused_of(lanes a, lanes b, lanes c) {
 #if defined(__AVX512F__)
@@ -58,16 +61,16 @@ static inline lanes select_of(masks where, lanes yes, lanes no) {
     return (lanes)((where & (masks)yes) | (~where & (masks)no));
 }
 
-static inline masks whole_of(int64_t x) { return (masks){0} + x; }
+#define TOP ((uint64_t)1 << 63)
 
-static inline masks sign_of(lanes x) { return (masks)x & whole_of(INT64_MIN); }
+static inline words sign_of(lanes x) { return (words)x & TOP; }
 
-static inline lanes flip_of(lanes x, masks sign) { return (lanes)((masks)x ^ sign); }
+static inline lanes flip_of(lanes x, words sign) { return (lanes)((words)x ^ sign); }
 
 static inline lanes with_sign_of(lanes size, lanes y) { return flip_of(magnitude_of(size), sign_of(y)); }
 
-static inline int64_t bits_of(double x) {
-    int64_t bits;
+static inline uint64_t bits_of(double x) {
+    uint64_t bits;
     memcpy(&bits, &x, sizeof bits);
     return bits;
 }
@@ -119,12 +122,12 @@ static const double atan_terms[] = {-0.3333333333333333, 0.19999999999999804, -0
 static inline void sine_cosine(lanes x, lanes *sine, lanes *cosine) {
     x = select_of(magnitude_of(x) <= all_of(LARGEST_ANGLE), x, all_of(NAN));
     lanes shifted = fma_of(x, all_of(2.0 / PI), all_of(TO_WHOLE)), quarters = shifted - all_of(TO_WHOLE), r = x;
-    masks turns = (masks)shifted; /* the whole number in its low bits */
+    words turns = (words)shifted; /* the whole number in its low bits */
     for (int k = 0; k < (int)(sizeof half_pi / sizeof half_pi[0]); k++) r = fma_of(quarters, all_of(-half_pi[k]), r);
     lanes z = r * r, s = fma_of(z * r, POLYNOMIAL(z, sine_terms), r), c = POLYNOMIAL(z, cosine_terms);
-    masks odd = (turns & 1) != 0, top = whole_of(INT64_MIN);
-    *sine = flip_of(select_of(odd, c, s), (turns << 62) & top);
-    *cosine = flip_of(select_of(odd, s, c), ((turns + 1) << 62) & top);
+    masks odd = (turns & 1) != 0;
+    *sine = flip_of(select_of(odd, c, s), (turns << 62) & TOP);
+    *cosine = flip_of(select_of(odd, s, c), ((turns + 1) << 62) & TOP);
 }
 
 /* The angle of the point (x, y), in [-pi, pi], for any signs, zeros and infinities. */
@@ -151,30 +154,30 @@ static inline lanes leg_of(lanes x) { return root_of((all_of(1.0) - x) * (all_of
 
 /* --- Exponentials. */
 
-/* x = n ln 2 + r: r, and the number whose low bits are n. */
-static inline lanes reduced_of(lanes x, masks *n) {
+/* x = n ln 2 + r: r and n. */
+static inline lanes reduced_of(lanes x, words *n) {
     lanes shifted = fma_of(x, all_of(LOG2_E), all_of(TO_WHOLE)), whole = shifted - all_of(TO_WHOLE);
-    *n = (masks)shifted - bits_of(TO_WHOLE);
+    *n = (words)shifted - bits_of(TO_WHOLE);
     return fma_of(whole, all_of(-LN2_LOW), fma_of(whole, all_of(-LN2_HIGH), x));
 }
 
 /* 2^n for -1022 <= n <= 1023. */
-static inline lanes power_of_two(masks n) { return (lanes)((n + 1023) << 52); }
+static inline lanes power_of_two(words n) { return (lanes)((n + 1023) << 52); }
 
 /* e^(x + low), where low is tiny beside x. */
 static inline lanes exp_of(lanes x, const lanes *low) {
-    masks n;
+    words n;
     x = select_of(x < all_of(-746.0), all_of(-746.0), x);
     lanes r = reduced_of(select_of(x > all_of(710.0), all_of(710.0), x), &n);
     lanes tail = fma_of(r * r, POLYNOMIAL(r, exp_terms), r);
     if (low) tail = fma_of(all_of(1.0) + tail, *low, tail);
-    masks half = n >> 1; /* 2^n itself may leave the range */
+    words half = (words)((masks)n >> 1); /* 2^n itself may leave the range */
     return (all_of(1.0) + tail) * power_of_two(half) * power_of_two(n - half);
 }
 
 /* (e^size - 1) / 4 for size >= 0, accurate near zero; finite as long as four times it nearly is. */
 static inline lanes quarter_expm1_of(lanes size) {
-    masks n;
+    words n;
     lanes r = reduced_of(select_of(size > all_of(710.6), all_of(710.6), size), &n);
     lanes rest = fma_of(r * r, POLYNOMIAL(r, exp_terms), r), scale = power_of_two(n - 2);
     return fma_of(scale, rest, scale - all_of(0.25));
@@ -205,10 +208,9 @@ static inline void log_parts(lanes x, lanes *k, lanes *f) {
     masks tiny = x < all_of(0x1p-1022);
     x = select_of(tiny, x * all_of(0x1p54), x);
     /* Move the point where the exponent steps from 1 to sqrt(2). */
-    masks bits = (masks)x + (bits_of(1.0) - bits_of(ROOT_HALF));
-    masks biased = ((bits >> 52) & 0xfff) | bits_of(0x1p52);
+    words bits = (words)x + (bits_of(1.0) - bits_of(ROOT_HALF)), biased = (bits >> 52) | bits_of(0x1p52);
     *k = (lanes)biased + select_of(tiny, all_of(-0x1p52 - 1023.0 - 54.0), all_of(-0x1p52 - 1023.0));
-    *f = (lanes)((bits & (((int64_t)1 << 52) - 1)) + bits_of(ROOT_HALF)) - all_of(1.0);
+    *f = (lanes)((bits & (((uint64_t)1 << 52) - 1)) + bits_of(ROOT_HALF)) - all_of(1.0);
 }
 
 /* Zero, negative, infinite and nan arguments. */
