@@ -148,9 +148,14 @@ def library(kind: str | None = None) -> ctypes.CDLL:
 
 def _may_be_stale(library: str) -> bool:
     """Whether a source has been written since a library was: never of an installed package, which has none."""
-    if not os.path.exists(f"{FOLDER}/kkt.h"):  # noqa: PTH110
-        return False
-    from stc.core.compiling import sources
-
     compiled = os.stat(library).st_mtime_ns  # noqa: PTH116
-    return any(path.stat().st_mtime_ns > compiled for path in sources())
+    folders = [FOLDER]
+    for folder in folders:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if entry.name.endswith((".c", ".h")) or entry.name == "compiling.py":
+                    if entry.stat().st_mtime_ns > compiled:
+                        return True
+                elif "." not in entry.name and not entry.name.startswith("_"):
+                    folders.append(entry.path)
+    return False
