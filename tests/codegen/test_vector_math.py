@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from core.instruction_sets import INSTRUCTIONS, need
 from numpy.typing import NDArray
 
 from stc.codegen import engine
@@ -17,7 +18,7 @@ from stc.codegen.kernel import LANES, KernelSet, compile_tapes
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
 from stc.codegen.vector_math import LARGEST_ANGLE
-from stc.core.library import library
+from stc.core import library as core
 
 Array = NDArray[np.float64]
 PI = Decimal(
@@ -38,9 +39,11 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iter
     if request.param in ("fused", "unfused"):
         yield
         return
-    before = library().kkt_instructions()
-    if library().kkt_use(request.param.encode()):
+    if request.param not in INSTRUCTIONS:
         pytest.skip(f"no {request.param} here")
+    need(request.param)
+    loaded = core.library(request.param)
+    monkeypatch.setattr(core, "library", lambda: loaded)
 
     def interpreted(tapes: list[Tape], **options: Any) -> KernelSet:
         kernels = KernelSet(tapes, [Runs.alone(tape.n_varying) for tape in tapes], "llvm")
@@ -49,7 +52,6 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iter
 
     monkeypatch.setattr(sys.modules[__name__], "made", interpreted)
     yield
-    library().kkt_use(before)
 
 
 def evaluate(name: str, *arguments: Array) -> Array:

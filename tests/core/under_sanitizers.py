@@ -28,7 +28,7 @@ def systems() -> None:
 
 def motions() -> None:
     """Whole solves, the kernels of which are not compiled."""
-    for spec, n in (("cart_pole_swing_up", 24), ("luxo_jump", 12)):
+    for spec, n in (("cart_pole_swing_up", 24), ("arm_reach", 12)):
         print(spec, stc.load(spec).solve(n=n).status, flush=True)
 
 
