@@ -18,8 +18,6 @@ EQUALITY: Final = 0
 INEQUALITY: Final = 1
 IGNORED: Final = 2
 
-#: Products of gaps between these are collected before their logarithm is taken.
-#: See :func:`multiplier_scale`.
 
 #: Sum of the logarithms of positive numbers, nan when one is not.
 log_sum = function("kernels_log_sum")
