@@ -1,6 +1,6 @@
 /* The barrier parameter, and the step that goes with it, compiled.
  *
- * See stc.solver.barrier_parameter for the method, stc.solver.state for the numbers s and the calls. */
+ * See stc.solver.barrier_parameter for the method, state.h for the numbers s and the calls. */
 #include "../native.h"
 #include "barrier_update.h"
 #include "line_search.h"

@@ -1,6 +1,6 @@
 /* The line search, compiled.
  *
- * See stc.solver.globalization for the method, and stc.solver.state for the numbers s and the calls.
+ * See stc.solver.globalization for the method, and state.h for the numbers s and the calls.
  *
  * The filter: pairs of violation and barrier function that later points must not be dominated by.
  *

@@ -1,9 +1,9 @@
-/* What is noted of every iterate and step, compiled; stc.solver.progress tells what it is for.
+/* What is noted of every iterate and step, compiled; progress.h tells what it is for.
  *
  * The stages of an iteration as prepared calls, and the iteration as a chain of them.
  *
  * Each stage is a compiled function that makes the calls of the workspace's table and leaves its numbers (see
- * stc.solver.state).  It returns 0, or tells what it cannot do itself: stc.solver.newton_system,
+ * state.h).  It returns 0, or tells what it cannot do itself: stc.solver.newton_system,
  * stc.solver.globalization and stc.solver.interior do that, and go on from there.  So iterations
  * where all is as usual are one call together, however small the problem.
  *
