@@ -73,6 +73,7 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
         "parameters": recovery.parameters,
         "x": x,
         "model": problem.model,
+        "additions": problem.additions,
         "replay": _replay_channels(problem, recovery),
         **_data_of(problem, recovery),
         "force_frames": _force_frames(stated),

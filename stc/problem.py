@@ -310,8 +310,9 @@ class Problem:
     parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
     ``model_span`` where the model is named.
     ``rotations`` are the orientations among the variables.  ``of_model`` tells whether a model has brought the
-    equations of motion, ``left_out`` which kinds of its forces the spec leaves out knowingly; for the guess,
-    ``fixtures`` are what it holds, and ``root`` the variables by which it moves as a whole.
+    equations of motion, ``left_out`` which kinds of its forces the spec leaves out knowingly, ``additions`` what it
+    adds to the model; for the guess, ``fixtures`` are what it holds, and ``root`` the variables by which it moves as a
+    whole.
     ``relaxation`` is the constant by which products may differ from the zero that they are meant to be, of gaps and the
     forces that close them; empty where there are none.  It is brought down to its value in several solves.
     ``free_contacts`` are those that have such products.
@@ -346,6 +347,7 @@ class Problem:
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
     left_out: Sequence[str] = ()
+    additions: Sequence[str] = ()
     relaxation: str = ""
     free_contacts: Sequence[FreeContact] = ()
     at_nodes: Sequence[str] = ()

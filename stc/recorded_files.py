@@ -6,12 +6,14 @@ it is that body, and where none lies there, have the one that the file carries.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
 from stc.records import dataclass
+from stc.urdf import mesh_files
 
 #: The text of a model and of what it includes is carried whole up to so many bytes, other files up to the second
 #: number; larger ones by their hashes alone.
@@ -133,7 +135,15 @@ def _files(model: Path) -> Iterator[tuple[str, str]]:
                 text = _COMMENT.sub(b"", (model.parent / path).read_bytes())
             except (OSError, ValueError):
                 continue
-            pending += [("part", named) for named in _named(text)]
+            if path.endswith(".urdf"):
+                pending += [("part", _beside(mesh, model.parent)) for mesh in mesh_files(model.parent / path)]
+            else:
+                pending += [("part", named) for named in _named(text)]
+
+
+def _beside(path: Path, folder: Path) -> str:
+    """A path relative to a folder, as files of a model are recorded."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
 def _is_text(role: str, path: str) -> bool:

@@ -126,6 +126,7 @@ class Solution:
         bound_multipliers: (N,) multipliers of the bounds in the solver's order.
         multipliers: the same multipliers by statement.
         model: file name of the MuJoCo model as the spec writes it, or None.
+        additions: what the spec adds to the model, in words of :data:`stc.model_source.ADDITIONS`.
         replay: the evaluated ``replay:`` section.
         force_frames: first and last frame at which the equations of motion hold, outside of which a replay
             takes the nearest one's forces.  Where a spec was solved its equations tell; by default all of them, but
@@ -165,6 +166,7 @@ class Solution:
     bound_multipliers: FloatArray = field(default_factory=_no_numbers)
     multipliers: Sequence[MultiplierBlock] = ()
     model: str | None = None
+    additions: Sequence[str] = ()
     replay: Sequence[ReplayChannel] = ()
     strategy: str = ""
     force_frames: tuple[int, int] | None = None

@@ -15,7 +15,9 @@ import numpy as np
 
 from stc import models
 from stc.errors import StcError
+from stc.model_source import opened
 from stc.solution import ReplayChannel, Solution
+from stc.urdf import mesh_files
 from stc.validate.switches import take_out
 
 if TYPE_CHECKING:
@@ -81,8 +83,12 @@ def require_mujoco() -> None:
             os.environ["MUJOCO_GL"] = asked
 
 
-def load_model(path: Path) -> mujoco.MjModel:
+def load_model(path: Path, additions: Sequence[str] = ()) -> mujoco.MjModel:
     """Compile a model file.
+
+    Args:
+        path: of the file.
+        additions: what is added to it, in words of :data:`stc.model_source.ADDITIONS`.
 
     Raises:
         ModelError: MuJoCo does not accept it, and the message carries MuJoCo's own; or it takes too much time or
@@ -96,8 +102,8 @@ def load_model(path: Path) -> mujoco.MjModel:
     if why := refusal(path):
         raise ModelError(f"MuJoCo does not accept {path}: {why}")
     try:
-        model = mujoco.MjModel.from_xml_path(as_bytes(path))
-    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+        model = opened(path, additions).model
+    except (ValueError, OSError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
         text = " ".join(str(error).split())
         raise ModelError(f"MuJoCo does not accept {path}: {text}") from None
     take_out(model)
@@ -121,6 +127,8 @@ def model_files(path: Path) -> list[Path]:
     require_mujoco()
     import mujoco
 
+    if path.suffix.lower() == ".urdf":
+        return sorted({path, *mesh_files(path)})
     try:
         names = mujoco.mju_getXMLDependencies(as_bytes(path))
     except UnicodeDecodeError:  # names that are no UTF-8

@@ -44,9 +44,9 @@ try:
 except (ImportError, ValueError, OSError):
     pass
 import mujoco
+from stc.model_source import opened
 try:
-    model = mujoco.MjModel.from_xml_path(os.fsencode(sys.argv[1]))
-    mujoco.MjData(model)
+    mujoco.MjData(opened(sys.argv[1]).model)
 except MemoryError:
     sys.exit(3)
 except Exception as error:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.arguments import path as file_path
+from stc.model_source import opened
 from stc.recorded_files import changed, unpacked
 from stc.records import dataclass, field
 from stc.solution import Solution
@@ -91,6 +92,10 @@ class Setup:
             made.jnt_limited[[made.dof_jntid[dof] for dof in self.contact.where.dofs if dof >= 0]] = 0
         return made
 
+    def description(self) -> mujoco.MjSpec:
+        """The model's description as its file and the spec's additions make it, without the spec's numbers."""
+        return opened(self.path, self.solution.additions).spec
+
     @property
     def all_forces(self) -> OuterForces:
         """Applied and contact forces together: what acts where the model's contacts are switched off."""
@@ -144,7 +149,7 @@ def prepare(
     """
     solution.require_increasing_times()
     path, carried = _path(solution, model, beside)
-    compiled = load_model(path)
+    compiled = load_model(path, solution.additions)
     fields = apply_fields(compiled, solution)
     ties = tied_joints(compiled, solution)
     if not ties:

@@ -52,13 +52,14 @@ class StateEquations:
         path: Path,
         fields: Mapping[tuple[str, ...], float],
         outer: Sequence[tuple[str, tuple[str, ...]]],
+        additions: Sequence[str] = (),
     ) -> None:
         """Compile a model and set its fields.
 
         Raises:
             ModelError: a path that the model does not have.
         """
-        model = load_model(path)
+        model = load_model(path, additions)
         set_fields(model, fields)
         self.model = model
         self.notes = _leftovers(model)

@@ -19,8 +19,9 @@ from stc.deadline import spent
 from stc.errors import Source, StcError, UsageError
 from stc.language.model.scope import path_of, quoted
 from stc.mechanism.mechanism import Mechanism
-from stc.mechanism.read import read_model
+from stc.mechanism.read import ModelFileError, read_model
 from stc.mechanism.refusals import refusals, without
+from stc.model_source import ADDITIONS
 from stc.records import dataclass
 
 #: Places of contact that are this much above the lowest one, in m, stand in the same pose; if legs may bend, these.
@@ -87,20 +88,44 @@ def starter(name: str, path: Path) -> str:
     UsageError
         There is no such model, or it has no joints.
     """
-    mechanism = read_model(find(name))
-    left = sorted({refusal.kind for refusal in refusals(mechanism)})
-    mechanism = without(mechanism, left)
+    mechanism, words = _completed(find(name))
     if not mechanism.joints:
         raise UsageError(f"the model `{name}` has no joints: there is nothing to move")
+    model = f'"{_written(name, path)}"{words}'
     solved = text = ""
     for page in _pages(mechanism):
-        text = _text(page, mechanism, path, name, left)
+        text = _text(page, mechanism, path, name, model)
         fate = _tried(text, path)
         if not fate:
             return text
         if fate != _UNSOLVED:
             solved = solved or f"# It is solved, and fails in MuJoCo: {fate}.\n{text}"
     return solved or f"# Within {_SECONDS:g} s of processor time it was not solved.\n{text}"
+
+
+def _completed(file: Path) -> tuple[Mechanism, str]:
+    """A model without what cannot be stated, and the words in which a spec says so.
+
+    To a URDF are added motors, and where it stands on legs or cannot move else also what lets it stand.
+    """
+    plain = read_model(file)
+    left = sorted({refusal.kind for refusal in refusals(plain)})
+    added: tuple[str, ...] = ()
+    if plain.is_urdf:
+        added = tuple(ADDITIONS) if not plain.joints or _has_legs(file) else ("motors",)
+    words = [f"with {', '.join(added)}"] if added else []
+    words += [f"without {', '.join(left)}"] if left else []
+    mechanism = read_model(file, additions=added) if added else plain
+    return without(mechanism, left), "".join(f" {each}" for each in words)
+
+
+def _has_legs(file: Path) -> bool:
+    """Whether a model whose root is free would stand on legs."""
+    try:
+        free = read_model(file, additions=tuple(ADDITIONS))
+    except ModelFileError:  # a root without mass is no moving body
+        return False
+    return Stance(free, free.start).has_legs(_NEAR)
 
 
 #: What becomes of a page that is not solved.
@@ -137,8 +162,7 @@ def _pages(mechanism: Mechanism) -> Iterator[_Page]:
         level = stance.lowest(_LEVEL)
         if len(level) > 1 and stance.balances(level):
             yield standing("stands still", level, inside)
-        near = stance.lowest(_NEAR)
-        balanced = stance.balanced(near)
+        balanced, near = stance.standing(_NEAR)
         if balanced is not None:
             yield standing("stands still", near, stance.changes(balanced))
         if near:
@@ -148,7 +172,7 @@ def _pages(mechanism: Mechanism) -> Iterator[_Page]:
         yield _Page("holds a pose with the least effort", changes=inside)
     title = "is let go, and moves with the least effort"
     if travels:
-        yield _Page(title, 0.2, ends=False, raised=0.5, changes=inside)
+        yield _Page(title, 0.2, ends=False, raised=round(0.5 - min(0.0, stance.height()), 2), changes=inside)
     yield _Page(title, 0.05, ends=False, changes=inside)
 
 
@@ -161,7 +185,7 @@ def _travels(mechanism: Mechanism) -> bool:
     )
 
 
-def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequence[str]) -> str:
+def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) -> str:
     base = _pose(mechanism)[0] + (f" + (0, 0, {page.raised:g})" if page.raised else "")
     changes = "".join(f", {joint} = {value:.9g}" for joint, value in page.changes)
     lines = [
@@ -174,7 +198,7 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
         "  n = 20,                 # frames are 0, 1, ..., n",
         f"  T = {page.seconds:g}, h = T/n;       # seconds in all, and from one frame to the next",
         "",
-        f'model: "{_written(name, path)}"' + (f" without {', '.join(left)}" if left else "") + ";",
+        f"model: {model};",
         "",
     ]
     if page.feet:
@@ -212,7 +236,7 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
     lines += ["", "replay:", *settings] if settings else []
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
-    if page.feet and page.pinned:
+    if page.pinned and page.ends:
         weight = 9.81 * sum(body.mass for body in mechanism.bodies)
         still = (_STILLNESS * weight) ** 2
         lines += [f"  [0, n]: integral({still:.1g}*joint.*'^2);      # and with little movement"]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from copy import copy
 from itertools import combinations
 from pathlib import Path
 
@@ -39,7 +40,7 @@ _LEVEL = 1e-9
 _SAME = 1e-6
 #: The centre of mass of a pose that balances is inside of what stands by this share of its size.
 _MARGIN = 0.1
-_ROUNDS = 50
+_ROUNDS, _TURNS = 50, 4
 #: The step of differences by which the pose is found, and the largest one of a joint in a round, in m or rad.
 _STEP, _FAR = 1e-6, 0.2
 
@@ -163,7 +164,35 @@ class Stance:
         for spot in found.values():
             if spot.body not in carry:
                 by_body.setdefault(spot.body, []).append(spot)
-        return [spot for spots in by_body.values() for spot in self._three(spots)]
+        feet = [self._three(spots) for spots in by_body.values()]
+        if not self._reach(feet):
+            lowest = {spot.written: height for spot, height in zip(self.spots, heights, strict=True)}
+            feet = [[min(foot, key=lambda spot: lowest[spot.written])] for foot in feet]
+        return [spot for foot in feet for spot in foot]
+
+    def _reach(self, feet: Sequence[Sequence[Spot]]) -> bool:
+        """Whether joints are enough for every foot to stand flat: legs of three joints stand on points."""
+        flat = sum((3, 5, 6)[min(len(foot), 3) - 1] for foot in feet)
+        free = any(joint.kind == "free" for joint in self.mechanism.joints)
+        return not free or flat <= 6 + len(self._between([spot for foot in feet for spot in foot]))
+
+    def height(self) -> float:
+        """How far above the plane z = 0 the lowest place of the pose to look at is, in m; 0 where there is none."""
+        if not self.spots:
+            return 0.0
+        places, _ = self._seen(self.start[:, None], self.spots)
+        return float(places[2].min())
+
+    def has_legs(self, near: float) -> bool:
+        """Whether what is lowest is carried by joints, and below the root's own origin: legs, and no mounted arm.
+
+        Parameters
+        ----------
+        near
+            How far above the lowest of all places others may be, and the origin at least is, in m.
+        """
+        lowest = self.lowest(near)
+        return bool(lowest) and self.height() < -near and all(self._between([spot]) for spot in lowest)
 
     def _three(self, spots: Sequence[Spot]) -> Sequence[Spot]:
         """Of the places of one body the three that span most: what a fourth one bears nothing determines."""
@@ -256,6 +285,29 @@ class Stance:
             q[moving] = np.clip(q[moving] + step, low, high)
         return None
 
+    def standing(self, near: float) -> tuple[Matrix | None, list[Spot]]:
+        """A pose that balances on what is lowest in it, (nq,), and these places; None where none is found.
+
+        As legs bend other places of a foot become the lowest, so that both are found in turn.
+
+        Parameters
+        ----------
+        near
+            As of :meth:`lowest`.
+        """
+        stance, spots = self, self.lowest(near)
+        for _ in range(_TURNS):
+            q = stance.balanced(spots)
+            if q is None:
+                return None, spots
+            stance = copy(self)
+            stance.start = q
+            stance.spots = list(stance._spots())
+            before, spots = spots, stance.lowest(near)
+            if [spot.written for spot in spots] == [spot.written for spot in before]:
+                break
+        return q, before
+
     def _off(self, q: Matrix, spots: Sequence[Spot]) -> Matrix:
         """(spots + 2, k) by how much places are not level and the centre of mass is not above their middle, in m."""
         places, centre = self._seen(q, spots)
@@ -328,6 +380,17 @@ def _lowest(geom: Geom, axes: Matrix, up: Matrix) -> list[tuple[Matrix, float, s
             for side in turns
             for sign in (1.0, -1.0)
         ]
+    if geom.kind == "mesh":
+        hull: Matrix = np.array(geom.corners).reshape(-1, 3)
+        low = hull @ down
+        hull = hull[low > low.max(initial=-math.inf) - _SOLE]
+        if not len(hull):
+            return []
+        around = np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
+        side = np.cross(down, np.eye(3)[np.argmin(np.abs(down))])
+        ways = np.outer(np.cos(around), side) + np.outer(np.sin(around), np.cross(down, side))
+        chosen = [int((hull @ down).argmax()), *(hull @ ways.T).argmax(axis=0).tolist()]
+        return [(hull[k], 0.0, "") for k in dict.fromkeys(chosen)]
     if geom.kind == "box":
         if geom.name and down[2] < -1.0 + 1e-6:
             return [(np.array([0.0, 0.0, -size[2]]), 0.0, f"foot({path_of('geom', geom.name)})")]

@@ -452,14 +452,18 @@ class _Parser(ExpressionParser):
     def model_statement(self, into: list[syntax.Statement]) -> None:
         start = self.starts[self.at]
         path = self.string('the name of a model file in quotes, as in `model: "robot.xml";`')
-        without: list[syntax.Name] = []
-        if self.kind == "name" and self.token_text(self.at) == "without":
+        listed: dict[str, list[syntax.Name]] = {"with": [], "without": []}
+        wanted = {
+            "with": "what to add to the model, as in `with floor`",
+            "without": "what to leave out of the model, as in `without fluid`",
+        }
+        while self.kind == "name" and (word := self.token_text(self.at)) in listed:
             self.advance()
-            without.append(self.name("what to leave out of the model, as in `without fluid`"))
+            listed[word].append(self.name(wanted[word]))
             while self.kind == ",":
                 self.advance()
-                without.append(self.name("what to leave out of the model, as in `without fluid`"))
-        into.append(syntax.ModelFile(start, self.ends[self.at - 1], path, without))
+                listed[word].append(self.name(wanted[word]))
+        into.append(syntax.ModelFile(start, self.ends[self.at - 1], path, listed["without"], listed["with"]))
         self.end_statement("the model")
 
     def poses_statement(self, into: list[syntax.Statement]) -> None:

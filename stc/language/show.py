@@ -99,8 +99,12 @@ def show_statement(node: syntax.Statement) -> str:
     if isinstance(node, syntax.MethodChoice):
         return node.name + ";"
     if isinstance(node, syntax.ModelFile):
-        without = f" without {', '.join(name.name for name in node.without)}" if node.without else ""
-        return f'model = "{node.path}"{without};'
+        words = "".join(
+            f" {word} {', '.join(name.name for name in names)}"
+            for word, names in (("with", node.additions), ("without", node.without))
+            if names
+        )
+        return f'model = "{node.path}"{words};'
     if isinstance(node, syntax.ContactDeclaration):
         pose = ", ".join(show_expression(part) for part in node.pose)
         options = [n.name if v is None else f"{n.name} = {show_expression(v)}" for n, v in node.options]

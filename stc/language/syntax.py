@@ -196,10 +196,11 @@ class MethodChoice(Node):
 
 @dataclass(slots=True)
 class ModelFile(Node):
-    """``model = "file.xml";`` in `replay:`; as a section, ``"file.xml" without fluid, muscles;``."""
+    """``model = "file.xml";`` in `replay:`; as a section, ``"file.xml" with floor without fluid, muscles;``."""
 
     path: str
     without: list[Name] = field(default_factory=list)
+    additions: list[Name] = field(default_factory=list)
 
 
 @dataclass(slots=True)

@@ -132,6 +132,7 @@ class Geom:
         fluid: whether the ellipsoid model of fluid forces is on.
         adhesion: N; surface_velocity: linear and angular, of a conveyor's surface.
         solref: how stiff its contacts are: a time in s and a ratio of damping, or two negative numbers.
+        corners: of a mesh that may touch something, those of its convex hull, in its own frame.
     """
 
     name: str
@@ -152,6 +153,7 @@ class Geom:
     adhesion: float
     surface_velocity: tuple[float, ...]
     solref: tuple[float, float] = (0.02, 1.0)
+    corners: tuple[Triple, ...] = ()
     place: Place | None = None
 
 
@@ -337,6 +339,7 @@ class Mechanism:
         n_controls, n_activations: lengths of ``ctrl`` and ``act``.
         excluded: pairs of bodies that never touch.
         warnings: what MuJoCo said as it read the file.
+        changes: what of a URDF is left out or changed to make a model of it, each in a sentence.
         left_out: kinds of things that are knowingly not in it; see :mod:`stc.mechanism.refusals`.
         others: elements that have no counterpart here, such as flexes and plugins: kind, name and place.
     """
@@ -359,7 +362,13 @@ class Mechanism:
     n_activations: int
     others: tuple[tuple[str, str, Place | None], ...] = ()
     warnings: tuple[str, ...] = ()
+    changes: tuple[str, ...] = ()
     left_out: frozenset[str] = frozenset()
+
+    @property
+    def is_urdf(self) -> bool:
+        """Whether it comes from a URDF, which states neither motors nor what it stands on."""
+        return self.source.lower().endswith(".urdf")
 
     @property
     def start(self) -> tuple[float, ...]:

@@ -6,7 +6,6 @@ Nothing of MuJoCo is left in the result but numbers.
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +30,7 @@ from stc.mechanism.mechanism import (
 )
 from stc.mechanism.places import Places
 from stc.mechanism.switches import in_effect
+from stc.model_source import opened
 
 if TYPE_CHECKING:
     import mujoco
@@ -40,7 +40,9 @@ class ModelFileError(StcError):
     """A model cannot be read; the message carries MuJoCo's own."""
 
 
-def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mechanism:
+def read_model(
+    source: str | os.PathLike[str], text: str | None = None, additions: Sequence[str] = ()
+) -> Mechanism:
     """Read a model.
 
     Parameters
@@ -49,6 +51,8 @@ def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mecha
         The path of an MJCF or URDF file.
     text
         The content, where it is not to be read from the file; ``source`` then only names it in messages.
+    additions
+        What is added to it, in words of :data:`stc.model_source.ADDITIONS`.
 
     Raises
     ------
@@ -56,47 +60,14 @@ def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mecha
         MuJoCo does not accept it, or it is not there.
     """
     try:
-        model, spec, told = _compiled(source, text)
+        read = opened(source, additions, text)
     except (ValueError, OSError) as error:
         why = f"MuJoCo does not accept {os.fsdecode(source)}: {' '.join(str(error).split())}"
-        raise ModelFileError(f"{why}. {_URDF}" if _is_urdf(source) else why) from None
+        raise ModelFileError(why) from None
     name = os.fsdecode(source)
     content = text if text is not None else Path(name).read_text(encoding="utf-8", errors="replace")
-    return in_effect(_Reader(model, spec, Places(name, content)).mechanism(name, told))
-
-
-#: What a URDF lacks that is written for other programs.
-_URDF = (
-    "A URDF tells MuJoCo where its meshes lie, and what to do with inertias that cannot be, by a line within <robot>: "
-    '<mujoco><compiler meshdir="../meshes" strippath="true" discardvisual="true" balanceinertia="true"/></mujoco>'
-)
-
-
-def _is_urdf(source: str | os.PathLike[str]) -> bool:
-    return os.fsdecode(source).lower().endswith(".urdf")
-
-
-def _compiled(
-    source: str | os.PathLike[str], text: str | None
-) -> tuple[mujoco.MjModel, Any, tuple[str, ...]]:
-    """A compiled model, its description, and what MuJoCo has said, which would go to a file ``MUJOCO_LOG.TXT``."""
-    import mujoco
-
-    said: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            if text is None:
-                spec = mujoco.MjSpec.from_file(os.fsdecode(source))
-            else:
-                spec = mujoco.MjSpec.from_string(text)
-            model = spec.compile()
-    finally:
-        mujoco.set_mju_user_warning(before)
-    said += [str(warning.message) for warning in caught]
-    return model, spec, tuple(dict.fromkeys([" ".join(each.split()) for each in said]))
+    reader = _Reader(read.model, read.spec, Places(name, content))
+    return in_effect(reader.mechanism(name, read.told, read.changes))
 
 
 def _floats(values: Any) -> tuple[Any, ...]:
@@ -111,7 +82,7 @@ class _Reader:
         self.spec = spec
         self.places = places
 
-    def mechanism(self, source: str, told: tuple[str, ...]) -> Mechanism:
+    def mechanism(self, source: str, told: tuple[str, ...], changes: tuple[str, ...]) -> Mechanism:
         m = self.m
         self.body_names = self._names("BODY", m.nbody, lambda i: "world" if i == 0 else f"body{i}")
         self.joint_names = self._names("JOINT", m.njnt, lambda i: self.body_names[m.jnt_bodyid[i]])
@@ -151,6 +122,7 @@ class _Reader:
             n_activations=int(m.na),
             others=self._others(),
             warnings=told,
+            changes=changes,
         )
 
     def _in_body(self, same: int, body: int, pos: Any, quat: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
@@ -302,11 +274,27 @@ class _Reader:
                     adhesion=float(m.geom_adhesion[i]),
                     surface_velocity=_floats(m.geom_surfacevel[i]),
                     solref=_floats(m.geom_solref[i]),
+                    corners=self._corners(i),
                     place=places[i],
                 )
                 for i in range(m.ngeom)
             ]
         )
+
+    def _corners(self, geom: int) -> tuple[Any, ...]:
+        """The corners of the convex hull of a mesh, which is what MuJoCo lets touch; none of what touches nothing."""
+        m, mesh = self.m, int(self.m.geom_dataid[geom])
+        touches = m.geom_contype[geom] or m.geom_conaffinity[geom]
+        if _member("mjtGeom", "mjGEOM_", m.geom_type[geom]) != "mesh" or not touches or mesh < 0:
+            return ()
+        first, count, graph = m.mesh_vertadr[mesh], m.mesh_vertnum[mesh], m.mesh_graphadr[mesh]
+        vertices = m.mesh_vert[first : first + count]
+        if (
+            graph >= 0
+        ):  # the numbers of the hull's vertices and faces, where each one's edges begin, and which they are
+            corners = int(m.mesh_graph[graph])
+            vertices = vertices[m.mesh_graph[graph + 2 + corners : graph + 2 + 2 * corners]]
+        return tuple([_floats(vertex) for vertex in vertices])
 
     def _sites(self) -> tuple[Site, ...]:
         m = self.m

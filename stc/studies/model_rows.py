@@ -70,6 +70,7 @@ def compare_rows(
         path,
         {c.path: float(evaluate(c.body, numbers)) for c in lines["set"]},
         [(c.kind, c.path) for c in outer],
+        problem.additions,
     )
     report = EquationReport(spec=problem.name, model=path.name, states=count, notes=list(model.notes))
     known = _places(model, lines["joint"], lines["actuator"])

@@ -27,7 +27,7 @@ def check_replay_lines(problem: Problem) -> None:
     mistakes = []
     with caught_warnings():
         try:
-            compiled = load_model(find_model(problem.model, folder))
+            compiled = load_model(find_model(problem.model, folder), problem.additions)
         except ModelError as error:
             raise SpecError([Diagnostic("error", str(error), problem.model_span)]) from None
         for line in problem.replay:

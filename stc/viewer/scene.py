@@ -13,7 +13,6 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate.fields import apply_fields
-from stc.validate.model import as_bytes
 from stc.validate.pictures.camera import Framing, frame, usual_camera
 from stc.validate.pictures.motion import solved_at
 from stc.validate.pictures.scenery import furnish, picture_model
@@ -24,6 +23,8 @@ from stc.viewer.shapes import FloatArray
 
 if TYPE_CHECKING:
     import mujoco
+
+    from stc.validate.setup import Setup
 
 #: Name of the body that carries the ghost, prefix of the names in it, its group of geoms, its colour.
 GHOST, PREFIX, GROUP = "ghost", "ghost/", 5
@@ -140,15 +141,14 @@ def _doubled(motion: Motion) -> mujoco.MjModel:
     Raises:
         ValueError: the model cannot be doubled.
     """
-    import mujoco
 
     setup = motion.setup
-    spec = mujoco.MjSpec.from_file(as_bytes(setup.path))
+    spec = setup.description()
     for key in list(spec.keys):
         spec.delete(key)  # their positions are too short for the doubled model
     carrier = spec.worldbody.add_body(name=GHOST, mocap=True)
     furnish(spec, setup)
-    spec.attach(_ghost(as_bytes(setup.path)), prefix=PREFIX, frame=carrier.add_frame())
+    spec.attach(_ghost(setup), prefix=PREFIX, frame=carrier.add_frame())
     model = spec.compile()
     plain = setup.compiled
     if model.nq != 2 * plain.nq or model.nv != 2 * plain.nv or model.nu != plain.nu or model.na != plain.na:
@@ -162,11 +162,9 @@ def _doubled(motion: Motion) -> mujoco.MjModel:
     return model
 
 
-def _ghost(path: str) -> mujoco.MjSpec:
+def _ghost(setup: Setup) -> mujoco.MjSpec:
     """The moving bodies of a model as an apparition."""
-    import mujoco
-
-    ghost = mujoco.MjSpec.from_file(path)
+    ghost = setup.description()
     for kind in _NOT_FOR_GHOSTS:
         for element in list(getattr(ghost, kind)):
             ghost.delete(element)

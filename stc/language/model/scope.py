@@ -22,6 +22,7 @@ from stc.mechanism.numbers import Path as SettingPath
 from stc.mechanism.read import read_model
 from stc.mechanism.refusals import KINDS, refusals, without
 from stc.mechanism.settings import changed, settable
+from stc.model_source import ADDITIONS
 from stc.problem import ConstantRef, Rotation, VariableRef
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, sym
@@ -288,22 +289,37 @@ def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
     path = _find(first, tree, diagnostics)
     if path is None:
         return None
+    added = _known_words(first.additions, ADDITIONS, "added to a model", diagnostics)
+    left = _known_words(first.without, KINDS, "left out of a model", diagnostics)
     try:
-        mechanism = read_model(path)
+        mechanism = read_model(path, additions=added)
     except StcError as error:
         diagnostics.error(str(error), first.start, first.end)
         return None
-    known = [word for word in first.without if word.name in KINDS]
-    for word in first.without:
-        if word not in known:
-            hint = did_you_mean(word.name, KINDS) or f"what can be left out is {', '.join(KINDS)}"
-            diagnostics.error(f"nothing of a model is called `{word.name}`", word.start, word.end, hint)
-    mechanism = without(mechanism, [word.name for word in known])
+    if mechanism.changes:
+        told = "; ".join(mechanism.changes[:_TOLD])
+        more = len(mechanism.changes) - _TOLD
+        told += f"; and {more} more, which `stc show {path.name}` lists" if more > 0 else ""
+        diagnostics.warning(
+            f"of {path.name} something is left out or changed: {told}", first.start, first.end
+        )
+    mechanism = without(mechanism, left)
     stated = refusals(mechanism)
     for refusal in stated:
         hint = f'leave it out knowingly with `model: "{first.path}" without {refusal.kind};`; the verdict will say so'
         diagnostics.error(f"this model cannot be stated exactly: {refusal}", first.start, first.end, hint)
     return None if stated else ModelScope(first, path, mechanism, list(declared_names(tree)), _relaxed(tree))
+
+
+def _known_words(
+    words: Iterable[syntax.Name], known: Mapping[str, object], what: str, diagnostics: Diagnostics
+) -> list[str]:
+    """The words that stand for something; the others are errors."""
+    for word in words:
+        if word.name not in known:
+            hint = did_you_mean(word.name, known) or f"what can be {what} is {', '.join(known)}"
+            diagnostics.error(f"`{word.name}` cannot be {what}", word.start, word.end, hint)
+    return [word.name for word in words if word.name in known]
 
 
 def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
@@ -354,6 +370,9 @@ FORCES = {
     "foot": ("fx", "fy", "fz", "mx", "my", "mz"),
 }
 
+
+#: Of so many things that are left out or changed each is told.
+_TOLD = 3
 
 #: What ends the names of the variables for how fast free contacts slide.
 SLIP = "slip"
