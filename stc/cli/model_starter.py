@@ -6,15 +6,18 @@ Which of these a model can do depends on its motors, ranges and shapes, so each 
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from stc import pipeline
 from stc.bundled import with_text
 from stc.cli.model_files import find
 from stc.cli.stance import Spot, Stance
+from stc.cli.trees import objects
 from stc.deadline import spent
 from stc.errors import Source, StcError, UsageError
 from stc.language.model.scope import path_of, quoted
@@ -33,6 +36,10 @@ _ITERATIONS, _SECONDS = 200, 20.0
 _STIFF = 5e-4
 #: Lever, in m, at which the weight makes a torque: its square weighs movement (rad^2/s^2) against squared torques.
 _STILLNESS = 1.0
+#: So much stiffer is friction than pressure where feet hardly creep.
+_NO_CREEP = 100.0
+#: m/s^2
+_GRAVITY = 9.81
 #: The share of friction that the page uses: within MuJoCo's pyramid of forces, and with something to spare.
 _GRIP = 0.7
 
@@ -57,6 +64,8 @@ class _Page:
         Geoms of these that resist turning and rolling, which points do not.
     changes
         Joints that differ from the model's pose, and their values.
+    held
+        Joints to be held, where others are of objects that move as they like; empty for all.
     pinned, ends
         Whether the first frame is the pose, and whether the last one is at rest, in the same pose if that is pinned.
     raised
@@ -68,6 +77,7 @@ class _Page:
     feet: Sequence[str] = ()
     points: Sequence[str] = ()
     changes: Changes = ()
+    held: Sequence[str] = ()
     pinned: bool = True
     ends: bool = True
     raised: float = 0.0
@@ -106,13 +116,16 @@ def starter(name: str, path: Path) -> str:
 def _completed(file: Path) -> tuple[Mechanism, str]:
     """A model without what cannot be stated, and the words in which a spec says so.
 
-    To a URDF are added motors, and where it stands on legs or cannot move else also what lets it stand.
+    To a URDF are added motors, and where it stands on legs or cannot move else also what lets it stand.  Many a model
+    of a robot leaves the floor to another file, which includes it.
     """
     plain = read_model(file)
     left = sorted({refusal.kind for refusal in refusals(plain)})
     added: tuple[str, ...] = ()
     if plain.is_urdf:
         added = tuple(ADDITIONS) if not plain.joints or _has_legs(file) else ("motors",)
+    elif _travels(plain, objects(plain)) and all(geom.body for geom in plain.geoms):
+        added = ("floor",)
     words = [f"with {', '.join(added)}"] if added else []
     words += [f"without {', '.join(left)}"] if left else []
     mechanism = read_model(file, additions=added) if added else plain
@@ -149,14 +162,27 @@ def _tried(text: str, path: Path) -> str:
 
 def _pages(mechanism: Mechanism) -> Iterator[_Page]:
     """Pages from the most to the least that can be asked of a model."""
-    stance = Stance(mechanism, _pose(mechanism)[1])
+    start, loose = _pose(mechanism)[1], objects(mechanism)
+    stance = Stance(mechanism, start, loose)
     inside = stance.changes()
-    travels = _travels(mechanism)
+    held = _held(mechanism, loose)
+    travels = _travels(mechanism, loose)
+    things = Stance(mechanism, start, frozenset(range(len(mechanism.bodies))) - loose)
+    lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
+    # What falls is left to itself for as long as it touches nothing.
+    most = (
+        math.inf if lying or not things.spots else 0.9 * math.sqrt(2.0 * max(0.0, things.height()) / _GRAVITY)
+    )
+
+    def page(title: str, seconds: float = 0.5, **more: Any) -> _Page:
+        seconds = seconds if seconds < most else float(f"{most:.1g}")
+        return _Page(title, seconds, **{"changes": inside, "held": held, **more})
 
     def standing(title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
+        spots = [*spots, *lying]
         feet = [f"{spot.written}, friction = {_GRIP * spot.friction:.6g}" for spot in spots]
         points = sorted({spot.resists for spot in spots if spot.resists and spot.written.startswith("point")})
-        return _Page(title, feet=feet, points=points, changes=changes, pinned=pinned)
+        return page(title, feet=feet, points=points, changes=changes, pinned=pinned)
 
     if travels and mechanism.actuators and "contact" not in mechanism.options.disabled:
         level = stance.lowest(_LEVEL)
@@ -165,21 +191,35 @@ def _pages(mechanism: Mechanism) -> Iterator[_Page]:
         balanced, near = stance.standing(_NEAR)
         if balanced is not None:
             yield standing("stands still", near, stance.changes(balanced))
-        if near:
+        if near and not held:
             begin = stance.changes(stance.bent() if balanced is None else balanced)
             yield standing("stands in a pose that takes the least effort", near, begin, pinned=False)
     if not travels:
-        yield _Page("holds a pose with the least effort", changes=inside)
+        yield standing("holds a pose with the least effort", [], inside)
+        if held:  # what falls may fall on something
+            yield page("holds a pose with the least effort", 0.1)
     title = "is let go, and moves with the least effort"
     if travels:
-        yield _Page(title, 0.2, ends=False, raised=round(0.5 - min(0.0, stance.height()), 2), changes=inside)
-    yield _Page(title, 0.05, ends=False, changes=inside)
+        yield page(title, 0.2, ends=False, raised=round(0.5 - min(0.0, stance.height()), 2))
+    yield page(title, 0.05, ends=False)
 
 
-def _travels(mechanism: Mechanism) -> bool:
-    """Whether a body that hangs on the world can be moved up and down."""
+def _held(mechanism: Mechanism, loose: Container[int]) -> Sequence[str]:
+    """The paths of hinges and slides that are to be held where other joints are of objects; none elsewhere."""
+    if not any(joint.body in loose for joint in mechanism.joints):
+        return []
+    return [
+        path_of("joint", joint.name)
+        for joint in mechanism.joints
+        if joint.kind in ("hinge", "slide") and joint.body not in loose
+    ]
+
+
+def _travels(mechanism: Mechanism, loose: Container[int]) -> bool:
+    """Whether a body that hangs on the world, and is none of the loose ones, can be moved up and down."""
     return any(
         mechanism.bodies[joint.body].parent == 0
+        and joint.body not in loose
         and (joint.kind == "free" or (joint.kind == "slide" and abs(joint.axis[2]) > 1.0 - 1e-9))
         for joint in mechanism.joints
     )
@@ -209,7 +249,10 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     lines += ["poses:", f"  begin = {base}{' grounded' if page.feet else ''}{changes};", "", "constraints:"]
     if page.pinned:
         lines += ["  [0]: begin; rest;"]
-        if page.ends:
+        if page.ends and page.held:
+            lines += ["  # what nothing drives moves as it likes; the others end as they began"]
+            lines += [f"  for j in {', '.join(page.held)}: {{ [n]: {{j}} = {{j}}[0]; {{j}}'; }}"]
+        elif page.ends:
             lines += ["  [n]: begin; rest;          # ask for more: another pose, or values of joints"]
         else:
             lines += [
@@ -229,6 +272,9 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     if page.feet and _gives_way(mechanism):
         settings += ["  # the model's contacts give way; those of this page are rigid"]
         settings += [f"  set option.solref.time = {_STIFF:g};"]
+    if page.feet and mechanism.options.impratio < _NO_CREEP:
+        settings += ["  # feet of the model creep; those of this page stand"]
+        settings += [f"  set option.impratio = {_NO_CREEP:g};"]
     if page.points:
         settings += ["  # the model's contacts resist turning and rolling; those of this page are points"]
     for geom in page.points:
@@ -237,9 +283,11 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
     if page.pinned and page.ends:
-        weight = 9.81 * sum(body.mass for body in mechanism.bodies)
+        weight = _GRAVITY * sum(body.mass for body in mechanism.bodies)
         still = (_STILLNESS * weight) ** 2
-        lines += [f"  [0, n]: integral({still:.1g}*joint.*'^2);      # and with little movement"]
+        each = f"for j in {', '.join(page.held)}: " if page.held else ""
+        joint = "{j}" if page.held else "joint.*"
+        lines += [f"  {each}[0, n]: integral({still:.1g}*{joint}'^2);      # and with little movement"]
     return "\n".join(lines) + "\n"
 
 

@@ -8,7 +8,7 @@ joints between the feet and the rest are moved as little as levels the feet unde
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from copy import copy
 from itertools import combinations
 from pathlib import Path
@@ -75,11 +75,14 @@ class Stance:
         The model.
     start
         The pose to look at, (nq,).
+    apart
+        Bodies that are not looked at.
     """
 
-    def __init__(self, mechanism: Mechanism, start: Sequence[float]) -> None:
+    def __init__(self, mechanism: Mechanism, start: Sequence[float], apart: Container[int] = ()) -> None:
         self.mechanism = mechanism
         self.start = np.array(start, float)
+        self.apart = apart
         self.scope = ModelScope(syntax.ModelFile(0, 0, ""), Path(), mechanism)
         self.floor = floor(self.scope)
         self.up = np.array(self.floor.normal)
@@ -120,7 +123,8 @@ class Stance:
         mechanism, dynamics = self.mechanism, self.scope.dynamics
         for index, geom in enumerate(mechanism.geoms):
             name = mechanism.bodies[geom.body].name
-            if dynamics.geoms[index].segment < 0 or not (geom.contype or geom.conaffinity) or not name:
+            touches = (geom.contype or geom.conaffinity) and geom.body not in self.apart
+            if dynamics.geoms[index].segment < 0 or not touches or not name:
                 continue
             axes = self._numbers(
                 [part for row in dynamics.kinematics.axes_of(dynamics.geoms[index]) for part in row],
@@ -177,11 +181,11 @@ class Stance:
         return not free or flat <= 6 + len(self._between([spot for foot in feet for spot in foot]))
 
     def height(self) -> float:
-        """How far above the plane z = 0 the lowest place of the pose to look at is, in m; 0 where there is none."""
+        """How far above the floor the lowest place of the pose to look at is, in m; 0 where there is none."""
         if not self.spots:
             return 0.0
         places, _ = self._seen(self.start[:, None], self.spots)
-        return float(places[2].min())
+        return float((self.up @ places[:, :, 0] - self.up @ self.floor.origin).min())
 
     def has_legs(self, near: float) -> bool:
         """Whether what is lowest is carried by joints, and below the root's own origin: legs, and no mounted arm.
