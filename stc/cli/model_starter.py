@@ -56,6 +56,8 @@ class _Page:
     ----------
     title
         What the model does there.
+    pose
+        In which it begins, before changes.
     seconds
         How long.
     feet
@@ -73,6 +75,7 @@ class _Page:
     """
 
     title: str
+    pose: str
     seconds: float = 0.5
     feet: Sequence[str] = ()
     points: Sequence[str] = ()
@@ -162,46 +165,65 @@ def _tried(text: str, path: Path) -> str:
 
 def _pages(mechanism: Mechanism) -> Iterator[_Page]:
     """Pages from the most to the least that can be asked of a model."""
-    start, loose = _pose(mechanism)[1], objects(mechanism)
-    stance = Stance(mechanism, start, loose)
-    inside = stance.changes()
-    held = _held(mechanism, loose)
-    travels = _travels(mechanism, loose)
-    things = Stance(mechanism, start, frozenset(range(len(mechanism.bodies))) - loose)
-    lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
-    # What falls is left to itself for as long as it touches nothing.
-    most = (
-        math.inf if lying or not things.spots else 0.9 * math.sqrt(2.0 * max(0.0, things.height()) / _GRAVITY)
-    )
+    pages = [_Pages(mechanism, pose, q) for pose, q in _poses(mechanism).items()]
+    for each in pages:
+        yield from each.that_hold()
+    for each in pages:
+        yield from each.that_let_go()
 
-    def page(title: str, seconds: float = 0.5, **more: Any) -> _Page:
-        seconds = seconds if seconds < most else float(f"{most:.1g}")
-        return _Page(title, seconds, **{"changes": inside, "held": held, **more})
 
-    def standing(title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
-        spots = [*spots, *lying]
+class _Pages:
+    """The pages that begin in one pose, (nq,)."""
+
+    def __init__(self, mechanism: Mechanism, pose: str, q: Sequence[float]) -> None:
+        self.mechanism, self.pose = mechanism, pose
+        loose = objects(mechanism)
+        self.stance = Stance(mechanism, q, loose)
+        self.held = _held(mechanism, loose)
+        self.travels = _travels(mechanism, loose)
+        things = Stance(mechanism, q, frozenset(range(len(mechanism.bodies))) - loose)
+        self.lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
+        falls = bool(things.spots) and not self.lying
+        # What falls is left to itself for as long as it touches nothing.
+        self.most = 0.9 * math.sqrt(2.0 * max(0.0, things.height()) / _GRAVITY) if falls else math.inf
+
+    def _page(self, title: str, seconds: float = 0.5, **more: Any) -> _Page:
+        seconds = seconds if seconds < self.most else float(f"{self.most:.1g}")
+        more = {"changes": self.stance.changes(), **more}
+        return _Page(title, self.pose, seconds, held=self.held, **more)
+
+    def _standing(self, title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
+        spots = [*spots, *self.lying]
         feet = [f"{spot.written}, friction = {_GRIP * spot.friction:.6g}" for spot in spots]
         points = sorted({spot.resists for spot in spots if spot.resists and spot.written.startswith("point")})
-        return page(title, feet=feet, points=points, changes=changes, pinned=pinned)
+        return self._page(title, feet=feet, points=points, changes=changes, pinned=pinned)
 
-    if travels and mechanism.actuators and "contact" not in mechanism.options.disabled:
-        level = stance.lowest(_LEVEL)
-        if len(level) > 1 and stance.balances(level):
-            yield standing("stands still", level, inside)
-        balanced, near = stance.standing(_NEAR)
-        if balanced is not None:
-            yield standing("stands still", near, stance.changes(balanced))
-        if near and not held:
-            begin = stance.changes(stance.bent() if balanced is None else balanced)
-            yield standing("stands in a pose that takes the least effort", near, begin, pinned=False)
-    if not travels:
-        yield standing("holds a pose with the least effort", [], inside)
-        if held:  # what falls may fall on something
-            yield page("holds a pose with the least effort", 0.1)
-    title = "is let go, and moves with the least effort"
-    if travels:
-        yield page(title, 0.2, ends=False, raised=round(0.5 - min(0.0, stance.height()), 2))
-    yield page(title, 0.05, ends=False)
+    def that_hold(self) -> Iterator[_Page]:
+        """Pages on which the model stands, or holds its pose."""
+        stance, mechanism, inside = self.stance, self.mechanism, self.stance.changes()
+        if not self.travels:
+            yield self._standing("holds a pose with the least effort", [], inside)
+            if self.held:  # what falls may fall on something
+                yield self._page("holds a pose with the least effort", 0.1)
+        elif mechanism.actuators and "contact" not in mechanism.options.disabled:
+            level = stance.lowest(_LEVEL)
+            if len(level) > 1 and stance.balances(level):
+                yield self._standing("stands still", level, inside)
+            balanced, near = stance.standing(_NEAR)
+            if balanced is not None:
+                yield self._standing("stands still", near, stance.changes(balanced))
+            if near and not self.held:
+                begin = stance.changes(stance.bent() if balanced is None else balanced)
+                yield self._standing(
+                    "stands in a pose that takes the least effort", near, begin, pinned=False
+                )
+
+    def that_let_go(self) -> Iterator[_Page]:
+        """Pages on which the model is left to itself for a moment."""
+        title = "is let go, and moves with the least effort"
+        if self.travels:
+            yield self._page(title, 0.2, ends=False, raised=round(0.5 - min(0.0, self.stance.height()), 2))
+        yield self._page(title, 0.05, ends=False)
 
 
 def _held(mechanism: Mechanism, loose: Container[int]) -> Sequence[str]:
@@ -226,7 +248,7 @@ def _travels(mechanism: Mechanism, loose: Container[int]) -> bool:
 
 
 def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) -> str:
-    base = _pose(mechanism)[0] + (f" + (0, 0, {page.raised:g})" if page.raised else "")
+    base = page.pose + (f" + (0, 0, {page.raised:g})" if page.raised else "")
     changes = "".join(f", {joint} = {value:.9g}" for joint, value in page.changes)
     lines = [
         f"# {path.stem}: {Path(name).stem} {page.title}.  A page to start from.",
@@ -304,9 +326,9 @@ def _written(name: str, path: Path) -> str:
     return Path(os.path.relpath(name, path.parent)).as_posix()
 
 
-def _pose(mechanism: Mechanism) -> tuple[str, Sequence[float]]:
-    """The model's first keyframe with a name, else the pose that the file draws: its path and coordinates."""
-    for keyframe in mechanism.keyframes:
-        if keyframe.name:
-            return f"keyframe.{quoted(keyframe.name)}", keyframe.qpos
-    return "keyframe.reference", mechanism.start
+def _poses(mechanism: Mechanism) -> dict[str, Sequence[float]]:
+    """The model's first keyframe with a name, and the pose that the file draws: paths and coordinates, (nq,)."""
+    named = [keyframe for keyframe in mechanism.keyframes if keyframe.name][:1]
+    poses: dict[str, Sequence[float]] = {f"keyframe.{quoted(each.name)}": each.qpos for each in named}
+    poses["keyframe.reference"] = mechanism.start
+    return poses
