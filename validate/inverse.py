@@ -42,6 +42,9 @@ Drive = tuple[FloatArray, FloatArray]
 #: largest force.
 _NEGLIGIBLE = 1e-6
 
+#: What moves by less, in m or rad, is at rest.
+_STILL = 1e-6
+
 
 @dataclass(frozen=True, slots=True)
 class InverseDynamics:
@@ -51,7 +54,8 @@ class InverseDynamics:
         at_nodes: (k,) per tied joint, N or N m, where the transcription imposes the equations of motion.
         between: (k,) in between, where only the transcription's polynomials say how the motion goes.
         scale: the motion's largest generalised force: needed, delivered or due to gravity and velocity; at least
-            what gives it its momentum within its duration, so that gliding, which takes no force, is measured too.
+            what gives it its momentum within its duration, so that gliding, which takes no force, is measured too,
+            and what moves a joint by :data:`_STILL` within it, so that rest without any force is no motion.
         untied: (k,) by how much the force on each tied joint differs from that with the untied ones held where the
             model has them: what depends on how those move; None where all are tied.
         guessed: whether the model's constraints act on untied joints, so that they may move otherwise.
@@ -108,7 +112,11 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     ties = Equalities(setup.model(contacts=False))
     outer = setup.all_forces
     order = setup.reference.velocities
-    scale, momentum, mass = 0.0, np.zeros(model.nv), np.zeros((model.nv, model.nv))
+    momentum, mass = np.zeros(model.nv), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    inertia = float(mass.diagonal()[order].max(initial=0.0))
+    scale = _STILL * inertia / duration**2 if duration > 0.0 else 0.0
     moved = np.zeros(model.nv)
 
     def forces_at(state: list[FloatArray], drive: Drive, force: FloatArray) -> tuple[FloatArray, FloatArray]:

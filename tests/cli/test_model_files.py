@@ -147,7 +147,8 @@ def test_a_starter_of_a_urdf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert validate("mine.npz").passed
 
 
-_URDF_LEG = """<link name="{n}_hip"><inertial><mass value=".5"/><inertia ixx=".002" iyy=".002" izz=".002" ixy="0" ixz="0"
+_URDF_LEG = """<link name="{n}_hip"><inertial><mass value=".5"/><inertia ixx=".002" iyy=".002" izz=".002" ixy="0"
+  ixz="0"
   iyz="0"/></inertial></link><link name="{n}_thigh"><inertial><origin xyz="0 0 -.1"/><mass value=".5"/><inertia
   ixx=".003" iyy=".003" izz=".001" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="{n}_shin"><inertial><origin
   xyz="0 0 -.1"/><mass value=".2"/><inertia ixx=".001" iyy=".001" izz=".0005" ixy="0" ixz="0" iyz="0"/></inertial>
