@@ -36,6 +36,8 @@ _ITERATIONS, _SECONDS = 200, 20.0
 _STIFF = 5e-4
 #: Lever, in m, at which the weight makes a torque: its square weighs movement (rad^2/s^2) against squared torques.
 _STILLNESS = 1.0
+#: The same of joints with dry friction in the air, which holds them up as they creep.
+_STILLNESS_AGAINST_CREEP = 100.0
 #: So much stiffer is friction than pressure where feet hardly creep.
 _NO_CREEP = 100.0
 #: m/s^2
@@ -306,7 +308,8 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
     if page.pinned and page.ends:
         weight = _GRAVITY * sum(body.mass for body in mechanism.bodies)
-        still = (_STILLNESS * weight) ** 2
+        creeps = not page.feet and any(joint.frictionloss for joint in mechanism.joints)
+        still = ((_STILLNESS_AGAINST_CREEP if creeps else _STILLNESS) * weight) ** 2
         each = f"for j in {', '.join(page.held)}: " if page.held else ""
         joint = "{j}" if page.held else "joint.*"
         lines += [f"  {each}[0, n]: integral({still:.1g}*{joint}'^2);      # and with little movement"]
