@@ -161,6 +161,7 @@ _URDF_LEG = """<link name="{n}_hip"><inertial><mass value=".5"/><inertia ixx=".0
   <axis xyz="0 1 0"/><limit lower="-2.5" upper="-.5" effort="30" velocity="20"/></joint>"""
 
 
+@pytest.mark.slow
 def test_a_starter_of_a_urdf_with_legs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It stands, on a floor of its own, with knees bent that the drawn pose has outside of their ranges."""
     monkeypatch.chdir(tmp_path)
