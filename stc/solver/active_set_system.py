@@ -16,11 +16,9 @@ from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
     "AGAINST_DEPENDENT_ROWS",
+    "CHANGES",
     "DUAL_SHIFT",
-    "FIRM",
-    "FIRMER",
-    "LOOSE",
-    "SOFT",
+    "REFINEMENTS",
     "RestrictedDiagonals",
     "factorize_restricted",
 ]
@@ -31,6 +29,10 @@ PRIMAL_SHIFT = 1e-8
 FIRM, FIRMER, LOOSE, SOFT = 1e6, 1e3, 1e10, 1e-8
 """The diagonals of variables that are held, or so many times the largest entry of the Hessian; of rows that are left
 out, which are to add little to the Hessian, however small its curvature is; and of active inequalities."""
+CHANGES = 12
+"""How many active sets are tried, one after the other."""
+REFINEMENTS = 10
+"""Solutions are refined so many times at most."""
 AGAINST_DEPENDENT_ROWS = 1
 """The regularity with the one shift alone."""
 

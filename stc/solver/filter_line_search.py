@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from stc.codegen.calls import invoke
 from stc.codegen.native import exp, f64, f64s, fabs, i64, i64s, log, native
-from stc.solver.filter import accepts, add
+from stc.solver.filter import GAMMA_PHI, GAMMA_THETA, accepts, add
+from stc.solver.products import EPSILON
 from stc.solver.state import (
     CENTRE,
     CHANGED,
@@ -47,12 +48,11 @@ from stc.solver.state import (
     WHOLE,
 )
 
-GAMMA_THETA = 1e-5
-GAMMA_PHI = 1e-8
 DELTA = 1.0
 S_THETA = 1.1
 S_PHI = 2.3
 ETA = 1e-8
+SMALL_VIOLATION = 1e-4
 GAMMA_ALPHA = 0.05
 MOST_CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99
@@ -65,7 +65,6 @@ DOWNHILL = 0.5
 """Share of the same slope that is to be the barrier function's, rather than the violation's."""
 SURE = 0.3
 """How far the Lagrangian may be from the parabola through what was found before, relative to its fall."""
-EPSILON = 2.0**-52
 #: How a search may end.
 TAKEN, NOT_TAKEN, CALL_MISSING, NOT_FINITE = 0, 1, 2, 3
 #: What a point tried may be: refused, acceptable by its barrier function, or by the filter, which is then extended.

@@ -9,15 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.filter import Filter
-from stc.solver.filter_line_search import CALL_MISSING, TAKEN
+from stc.solver.filter_line_search import CALL_MISSING, SMALL_VIOLATION, TAKEN
 from stc.solver.iteration_calls import stages_of
 from stc.solver.nlp import Floats
 from stc.solver.state import SHORTEST, SMALL_THETA, TINY
 from stc.solver.workspace import Workspace
 
 __all__ = ["Filter", "LineSearch", "barrier_value", "largest_step"]
-
-ITS_SMALL_THETA = 1e-4
 
 
 def barrier_value(f: float, gap: Floats, mu: float) -> float:
@@ -45,7 +43,7 @@ class LineSearch:
         self._stages = stages_of(work)
         s = work.s
         scale = max(1.0, work.it.theta)
-        s[SMALL_THETA] = ITS_SMALL_THETA * scale
+        s[SMALL_THETA] = SMALL_VIOLATION * scale
         s[TINY] = s[SHORTEST] = 0.0
         self.filter = work.filter
         self.filter.restart(largest_theta * scale)

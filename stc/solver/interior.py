@@ -15,9 +15,9 @@ import numpy as np
 from stc.solver.active_set import Finish, bends_upwards
 from stc.solver.barrier_parameter import BarrierParameter
 from stc.solver.barrier_update import DOUBTFUL_SOLUTION
-from stc.solver.curvature import SecondOrder, leave_saddle
-from stc.solver.filter_line_search import NOT_FINITE
-from stc.solver.formulation import Formulation
+from stc.solver.curvature import ESCAPES, SecondOrder, leave_saddle
+from stc.solver.filter_line_search import CORRECTION_PROGRESS, NOT_FINITE
+from stc.solver.formulation import MANY_GAPS, Formulation
 from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate
 from stc.solver.iteration_calls import BLOCKED, FACTORIZATION, LOOK, SEARCH, stages_of
@@ -63,15 +63,12 @@ if TYPE_CHECKING:
 
 __all__ = ["optimise"]
 
-ESCAPES = 5
 TOO_FAR = 1e20
 GAP = 1e-7
 """Largest sum of gap times multiplier, relative to the objective, which it bounds the error of."""
 SMALL = 20_000
 """Unknowns up to which several iterations are made in a row."""
-MANY_GAPS = 100.0
 FEASIBLE = 0.01
-TOO_LITTLE = 0.99
 SHORTEST_FRACTION, SHORTEST_IN_RESTORATION = 2e-3, 0.02
 """Share of what the bounds allow, below which a step is computed anew; where rows may be violated freely nothing but
 their curvature makes it as short."""
@@ -397,7 +394,7 @@ class _Loop:
         end, _ = meet_rows(form, it, barrier.mu, self.options.feasibility_tolerance, solve)
         self.work.load(it)
         self.work.provide_attempt()
-        if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
+        if end is End.STUCK or (end is None and it.theta > CORRECTION_PROGRESS * theta):
             return self._give_up()
         self.stall = Stall(self.work)
         return None if end is None else self._outcome(end)

@@ -47,7 +47,7 @@ UNDERFLOW: Final = 1e-140
 OVERFLOW: Final = 1e140
 #: See :func:`multiplier_scale`.
 MEAN_MULTIPLIER: Final = 100.0
-LARGEST_SCALE: Final = 1e3
+LARGEST_MULTIPLIER: Final = 1e3
 #: Gap multipliers stay within this factor of mu / gap.
 NEAR_CENTRE: Final = 1e10
 
@@ -77,7 +77,7 @@ def multiplier_scale(total: f64, count: i64) -> f64:
 
     Bounded, because multipliers that grow without limit are no sign of optimality.
     """
-    return min(max(total / max(count, 1) / MEAN_MULTIPLIER, 1.0), LARGEST_SCALE)
+    return min(max(total / max(count, 1) / MEAN_MULTIPLIER, 1.0), LARGEST_MULTIPLIER)
 
 
 @native(fast=True)

@@ -8,12 +8,11 @@ import numpy as np
 
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
+from stc.solver.outcome import SHORT_BUDGET
 from stc.solver.products import between
 from stc.solver.status import Status
 
 __all__ = ["LeastNormProblem", "least_norm_point"]
-
-ITERATIONS = 50
 
 
 class LeastNormProblem:
@@ -64,7 +63,7 @@ def least_norm_point(nlp: NLP, unit: Floats, limits: Options) -> tuple[Floats, i
     """
     from stc.solver.sqp import minimize
 
-    most = min(ITERATIONS, limits.max_iterations)
+    most = min(SHORT_BUDGET, limits.max_iterations)
     result = minimize(
         LeastNormProblem(nlp, unit), replace(limits, max_iterations=most, retries=0, warm_start=False)
     )

@@ -14,7 +14,11 @@ from stc.solver.nlp import Floats, Ints, Mask
 
 Indices = NDArray[np.int64]
 
-__all__ = ["between", "inner", "norm", "symmetric_times", "term_sums", "times"]
+__all__ = ["EPSILON", "ROUNDED", "between", "inner", "norm", "symmetric_times", "term_sums", "times"]
+
+EPSILON = 2.0**-52
+ROUNDED = 16.0 * EPSILON
+"""What rounding may change a sum by, relative to the sizes of its terms."""
 
 
 def between(x: Floats, lower: Floats, upper: Floats) -> Floats:

@@ -11,14 +11,12 @@ from stc.solver.judgement import Point
 from stc.solver.nlp import Floats
 from stc.solver.outcome import Outcome, Tactics
 from stc.solver.products import between
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.scaled_problem import ORDINARY, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, warm_iterate
 from stc.solver.strategies import Strategies
 
 __all__ = ["Rescalings"]
 
-FAR_LARGER = 1e3
-"""A variable that has become so many times larger than it was, or than it is measured in, tells of its units."""
 LIGHT = 1e-3, 1e-6
 """Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
 SAME = 10.0
@@ -68,7 +66,7 @@ class Rescalings:
 
         A claim of infeasibility is as good as the scales that it was made with.
         """
-        larger = np.abs(reached) > FAR_LARGER * np.maximum(form.x_scale, np.abs(x0))
+        larger = np.abs(reached) > ORDINARY[1] * np.maximum(form.x_scale, np.abs(x0))
         if not self.options.scaling or not larger.any():
             return None
         resized = self.scaled_anew(form, np.where(larger, reached, x0), form.objective_factor)

@@ -19,7 +19,7 @@ from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
-from stc.solver.products import Indices
+from stc.solver.products import ROUNDED, Indices
 
 if TYPE_CHECKING:
     from stc.solver.elastic import ElasticProblem
@@ -30,22 +30,20 @@ __all__ = ["ScaledProblem", "relative_violation"]
 
 LARGEST_GRADIENT = 100.0
 SMALLEST_FACTOR = 1e-8
-TOO_LARGE, LEAST_FACTOR = 1e4, 1e-12
-"""A gradient that no such factor keeps below this, or that only begins small, is divided by more."""
-SMALLEST_GRADIENT = 1e-3
-LARGEST_FACTOR = 1e8
-LARGEST_BOUND = 1e4
-"""Of an inequality row: a gradient that is small where all begins says nothing of a row that may become so large."""
-WEAK, WEAKEST = 1e-4, 1e-10
+TOO_LARGE = 1e4
+"""A gradient that no such factor keeps below this, or that only begins small, is divided by more; and so is an
+inequality row with a larger bound: a gradient that is small where all begins says nothing of it."""
+WEAK = 1e-4
 """A variable whose entries of the scaled Jacobian are all smaller is measured in larger units."""
 UNEVEN = 0.1
 """The same where rows of the usual scale have not led to a solution."""
-RELAXATION, SMALLEST_BOUND = 1e-9, 1e-3
-ROUNDED = 64 * 2.0**-52
-"""The least part of a bound that it is widened by: enough for the gap to be a number of several digits."""
-TINY = 1e-4
-"""Where no variable is larger, nor may be, it is for the units."""
-ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
+RELAXATION = 1e-9
+ORDINARY = 1e-2, 1e3
+"""Magnitudes of variables that are left alone."""
+SMALLEST = 1e-3
+"""Gradients that are smaller are scaled, and bounds that are smaller are widened by less."""
+NEARBY = 0.1
+"""A little way off: so much of a variable's size."""
 
 
 def _is_small(x: Floats) -> Mask:
@@ -55,10 +53,10 @@ def _is_small(x: Floats) -> Mask:
 
 
 def _are_tiny(nlp: NLP, x0: Floats) -> bool:
-    """Whether all variables are, as far as ``x0`` (n,) and their bounds tell."""
+    """Whether all variables are, for their units, as far as ``x0`` (n,) and their bounds tell."""
     bounds = np.abs(np.concatenate([nlp.x_lower, nlp.x_upper]))
     told = bounds[np.isfinite(bounds) & (bounds > 0.0)]
-    return told.size > 0 and max(told.max(), np.abs(x0).max()) < TINY
+    return told.size > 0 and max(told.max(), np.abs(x0).max()) < WEAK
 
 
 def relative_violation(values: Floats, lower: Floats, upper: Floats) -> Floats:
@@ -162,18 +160,18 @@ class ScaledProblem(Formulation):
         weak = (columns > 0.0) & (columns < weak_below)
         if weak.any() and bool((self.x_scale >= 1.0).all()):  # else it is small that they are
             most = np.maximum(np.abs(nlp.x_lower), np.abs(nlp.x_upper))[weak]  # infinite where either is
-            larger = np.minimum(self.x_scale[weak] / np.maximum(columns[weak], WEAKEST), most)
+            larger = np.minimum(self.x_scale[weak] / columns[weak], most)
             self.x_scale[weak] = np.exp2(np.round(np.log2(np.maximum(larger, self.x_scale[weak]))))
             self._choose_function_scales(x0)
         sizes = np.zeros(self.m)
         for bound in (nlp.row_lower, nlp.row_upper):
             np.maximum(sizes, np.abs(bound), out=sizes, where=np.isfinite(bound))
         sizes *= self.row_scale
-        large = (sizes > LARGEST_BOUND) & (nlp.row_lower < nlp.row_upper)
+        large = (sizes > TOO_LARGE) & (nlp.row_lower < nlp.row_upper)
         # A steep row is not widened by less: two that meet would leave room for rounding errors alone.
         self._row_unit = np.maximum(self.row_scale, 1.0)
-        self._row_unit[large] *= LARGEST_BOUND / sizes[large]
-        self.row_scale[large] *= LARGEST_BOUND / sizes[large]
+        self._row_unit[large] *= TOO_LARGE / sizes[large]
+        self.row_scale[large] *= TOO_LARGE / sizes[large]
 
     def _choose_function_scales(self, x0: Floats) -> Floats:
         """Scale the objective and the rows for the scales of the variables; the magnitudes of the Jacobian's entries
@@ -181,16 +179,16 @@ class ScaledProblem(Formulation):
         """
         nlp = self.nlp
         at_start, entries = self._magnitudes(x0)
-        way = 0.1 * scattered(self.n)
+        way = NEARBY * scattered(self.n)
         nearby, entries_nearby = self._magnitudes(np.clip(x0 + way * self.x_scale, nlp.x_lower, nlp.x_upper))
         factors = _factors(at_start, nearby)
-        flat = (at_start < SMALLEST_GRADIENT) & (nearby > TOO_LARGE)
+        flat = (at_start < SMALLEST) & (nearby > TOO_LARGE)
         if flat.any():
             # Where a variable is small, a way of its own size.
             own = np.where(x0 == 0.0, self.x_scale, np.minimum(np.abs(x0), self.x_scale))
             nearby, _ = self._magnitudes(np.clip(x0 + way * own, nlp.x_lower, nlp.x_upper))
             flat &= np.isfinite(nearby) & (nearby > TOO_LARGE)
-            factors[flat] = np.maximum(TOO_LARGE / nearby[flat], LEAST_FACTOR)
+            factors[flat] = TOO_LARGE / nearby[flat]
         self.row_scale, self.objective_scale = factors[:-1], float(factors[-1])
         return np.maximum(entries, entries_nearby)
 
@@ -287,15 +285,18 @@ def _factors(gradients: Floats, nearby: Floats) -> Floats:
     large = np.isfinite(gradients) & (gradients > LARGEST_GRADIENT)
     factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], SMALLEST_FACTOR)
     both = np.maximum(gradients, nearby)
-    small = (both > 0.0) & (both < SMALLEST_GRADIENT)  # False for nan
-    factors[small] = np.minimum(1.0 / both[small], LARGEST_FACTOR)
+    small = (both > 0.0) & (both < SMALLEST)  # False for nan
+    factors[small] = np.minimum(1.0 / both[small], 1.0 / SMALLEST_FACTOR)
     return factors
 
 
 def _hair(bound: Floats, unit: Floats) -> Floats:
-    """What bounds are widened by, in which ``unit`` is one as stated; one that is 0 says nothing of its size."""
+    """What bounds are widened by, in which ``unit`` is one as stated; one that is 0 says nothing of its size.
+
+    The least is a few units in the last place: enough for a gap to be a number.
+    """
     size = np.abs(bound)
-    hair = np.where(size == 0.0, 1.0, np.clip(size, SMALLEST_BOUND, 1.0))
+    hair = np.where(size == 0.0, 1.0, np.clip(size, SMALLEST, 1.0))
     return np.maximum(RELAXATION * np.minimum(hair, unit), ROUNDED * size)
 
 

@@ -16,7 +16,6 @@ __all__ = ["WARM_BARRIER", "active_iterate", "cold_iterate", "warm_iterate"]
 PUSH = 1e-2
 WARM_PUSH = 1e-3
 WARM_BARRIER = 1e-5
-SMALLEST_PUSH = 1e-12
 ACTIVE_PUSH, ACTIVE_BARRIER = 1e-9, 1e-12
 """So near to its bound, with such a product, what is active is as good as held, and what is not as good as free."""
 
@@ -70,7 +69,7 @@ def _inside(form: Formulation, x: Floats, push: float) -> Floats:
         move_inside()
         ev.x[:] = w[:n]
         ev.values_call()
-        if ev.values_status[0] == 0.0 or push < SMALLEST_PUSH:
+        if ev.values_status[0] == 0.0 or push < ACTIVE_BARRIER:
             break
         push *= 0.1
     if form.any_inequality:

@@ -10,7 +10,8 @@ import numpy as np
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
-from stc.solver.products import term_sums
+from stc.solver.outcome import ACCEPTABLE
+from stc.solver.products import ROUNDED, term_sums
 from stc.solver.report import IterationRecord
 from stc.solver.scaled_problem import ScaledProblem
 
@@ -20,9 +21,6 @@ FAR = 1e7
 LOW = -1e20
 """An objective below any sensible value."""
 RAY = (10.0, 100.0, 1000.0)
-FEASIBLE = 1e-6
-RELATIVE = 1e-12
-"""Of the size of the terms of a row: what may be missing there for rounding, with a margin."""
 SMALL = 1e-4
 LONG, QUARTERS = 60, 5
 """Iterations of an attempt that is looked at, and at how many points of it."""
@@ -75,7 +73,7 @@ def _feasible(form: ScaledProblem, x: Floats, r: Floats) -> bool:
     x_lower, x_upper = form.true_x
     off_x = np.maximum(np.maximum(x_lower - x, x - x_upper), 0.0)
     return bool(
-        np.all(off <= FEASIBLE + RELATIVE * size) and np.all(off_x <= FEASIBLE + RELATIVE * np.abs(x))
+        np.all(off <= ACCEPTABLE + ROUNDED * size) and np.all(off_x <= ACCEPTABLE + ROUNDED * np.abs(x))
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from stc.codegen.calls import Bound, CallTable, chain
 from stc.solver import kernels, state, step_kernels
+from stc.solver.barrier_update import SMALLEST_TAU
 from stc.solver.filter import Filter
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate
@@ -43,10 +44,9 @@ if TYPE_CHECKING:
 __all__ = ["Step", "Workspace", "workspace_of"]
 
 SMALLEST_SIGMA = 1e-16
-#: The centring parameters to choose from, and the smallest fraction of the way to the bounds that goes with them; the
+#: The centring parameters to choose from; the
 #: fraction of a step below which bounds are in its way, where there are many.
 CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0])
-SMALLEST_TAU = 0.99
 SHORT = 0.2
 #: Iterations at most that are made in a row.
 LONGEST_RUN = 16
