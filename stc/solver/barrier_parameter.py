@@ -14,12 +14,9 @@ from stc.solver.barrier_update import SMALLEST_TAU
 from stc.solver.state import (
     ADAPTIVE,
     CHANGED,
-    CRAWLS,
-    ERROR_BEFORE,
     FREE,
     LARGEST_MU,
     MU,
-    MU_BEFORE,
     SMALLEST_MU,
     TAU,
 )
@@ -38,9 +35,6 @@ class BarrierParameter:
         s[SMALLEST_MU], s[LARGEST_MU] = smallest, math.inf
         s[ADAPTIVE], s[FREE] = adaptive, adaptive and gaps > 0
         s[TAU], s[CHANGED] = SMALLEST_TAU, 0.0
-        s[ERROR_BEFORE], s[MU_BEFORE] = math.inf, math.inf
-        # With few bounds the error goes up for other reasons, such as multipliers without a limit.
-        s[CRAWLS] = 0.0 if work.form.many_gaps else -math.inf
         work.accepted.restart(math.inf)
 
     @property

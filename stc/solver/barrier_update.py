@@ -13,16 +13,13 @@ from stc.solver.state import (
     CENTRE,
     CHANGED,
     COMBINE,
-    CRAWLS,
     DOUBT,
     ERROR,
-    ERROR_BEFORE,
     FREE,
     LARGEST_MU,
     LENGTHS,
     MEASURE,
     MU,
-    MU_BEFORE,
     NEWTON,
     OBJECTIVE,
     PREDICT,
@@ -40,9 +37,6 @@ LINEAR_DECREASE = 0.2
 MARGIN = 1e-5
 HELD_FRACTION = 0.8
 LARGEST_GROWTH = 1e3
-#: Where the error has become RELAPSE times larger, so often, with a parameter no less than CRAWL times the one before,
-#: the free choice takes several steps for each small reduction: problems that are solved allow larger ones.
-RELAPSE, CRAWL, PATIENT = 10.0, 0.25, 2.0
 #: Why no step was found.
 CALL_MISSING, DOUBTFUL_SOLUTION = 1, 2
 
@@ -69,12 +63,6 @@ def update(calls: i64s, gaps: i64, target: f64s, accepted: f64s, s: f64s) -> Non
     if not isfinite(s[LARGEST_MU]):
         s[LARGEST_MU] = LARGEST_GROWTH * max(average, s[SMALLEST_MU])
     margin = MARGIN * min(1.0, s[ERROR])
-    if s[FREE] != 0.0 and s[ERROR] > RELAPSE * s[ERROR_BEFORE] and s[MU] > CRAWL * s[MU_BEFORE]:
-        s[CRAWLS] += 1.0
-        if s[CRAWLS] >= PATIENT:
-            s[ADAPTIVE] = 0.0
-    s[ERROR_BEFORE] = s[ERROR]
-    s[MU_BEFORE] = s[MU]
     progress = 0
     if s[STUCK] == 0.0 and s[ADAPTIVE] != 0.0:
         progress = accepts(accepted, s[THETA] + margin, s[OBJECTIVE] + margin)

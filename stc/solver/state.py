@@ -72,9 +72,6 @@ SMALLEST_MU: Final = 61
 LARGEST_MU: Final = 62
 BLOCKED: Final = 63
 DOUBT: Final = 65  # the residual at which a solution is not used
-ERROR_BEFORE: Final = 66  # that of the iterate before, and the parameter of the step that led there
-MU_BEFORE: Final = 67
-CRAWLS: Final = 68  # how often the error was much larger after a step with a parameter that was hardly less
 
 # Of the linear system (stc.solver.newton_system).
 SHIFT: Final = 72

@@ -19,7 +19,7 @@ class Barrier:
         self.s = s = np.zeros(state.NUMBERS)
         s[[state.ADAPTIVE, state.FREE]] = 1.0
         s[state.MU] = mu
-        s[[state.LARGEST_MU, state.ERROR_BEFORE, state.MU_BEFORE]] = np.inf
+        s[state.LARGEST_MU] = np.inf
         s[state.SMALLEST_MU] = 1e-11
         self.accepted = Filter(np.inf)
         self.calls = CallTable(state.MEASURE + 1)
