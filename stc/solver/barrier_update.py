@@ -1,6 +1,11 @@
-"""The barrier parameter, and the step that goes with it, compiled.
+"""How far the barrier parameter mu goes down at each iteration, and the step that goes with it, compiled.
 
-See :mod:`stc.solver.barrier_parameter` for the method, :mod:`stc.solver.state` for the numbers ``s`` and the calls.
+While the iterates make progress, mu is chosen anew at each one from a model of the optimality error after the
+step (J. Nocedal, A. Waechter and R. A. Waltz, Adaptive barrier update strategies for nonlinear interior
+methods, SIAM J. Optim. 19, 2009: the quality function).  When they don't, it is held until the barrier problem
+is solved and then reduced superlinearly (Fiacco and McCormick), which is what the convergence theory covers.
+
+See :mod:`stc.solver.state` for the numbers ``s`` and the calls.
 """
 
 from __future__ import annotations

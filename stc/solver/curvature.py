@@ -22,7 +22,6 @@ import numpy as np
 
 from stc.solver.barrier_update import SMALLEST_TAU
 from stc.solver.filter_line_search import MOST_CORRECTIONS
-from stc.solver.globalization import largest_step
 from stc.solver.iterate import evaluate
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
@@ -32,7 +31,7 @@ from stc.solver.scaled_problem import NEARBY, ScaledProblem
 from stc.solver.starting import active_iterate
 from stc.solver.workspace import workspace_of
 
-__all__ = ["ESCAPES", "SecondOrder", "leave_saddle", "second_order_at"]
+__all__ = ["ESCAPES", "SecondOrder", "largest_step", "leave_saddle", "second_order_at"]
 
 ESCAPES = 5
 """Stationary points that bend downwards, one after the other."""
@@ -152,6 +151,14 @@ def _lower(system: NewtonSystem, dw: Floats, *, few: bool, beyond_errors: bool) 
                 w = w + largest_step(form.gap(w), form.sign * back[form.index], SMALLEST_TAU) * back
             alpha *= 0.5
     return None
+
+
+def largest_step(value: Floats, change: Floats, fraction: float) -> float:
+    """Largest alpha <= 1 with ``value + alpha * change >= (1 - fraction) * value``, for positive ``value``."""
+    if not value.size:
+        return 1.0
+    worst = float((change / value).min())
+    return 1.0 if worst >= -fraction else fraction / -worst
 
 
 def second_order_at(form: ScaledProblem, x: Floats, y: Floats, seed: int) -> SecondOrder:

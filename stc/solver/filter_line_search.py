@@ -1,6 +1,8 @@
-"""The line search, compiled.
+"""Which steps are good enough, compiled: a filter line search on (constraint violation, barrier function).
 
-See :mod:`stc.solver.globalization` for the method, and :mod:`stc.solver.state` for the numbers ``s`` and the calls.
+A. Waechter and L. T. Biegler, Line search filter methods for nonlinear programming: motivation and global
+convergence, SIAM J. Optim. 16 (2005), with the second-order correction and the constants of their 2006 paper.
+See :mod:`stc.solver.state` for the numbers ``s`` and the calls.
 """
 
 from __future__ import annotations

@@ -13,12 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.solver.active_set import Finish, bends_upwards
-from stc.solver.barrier_parameter import BarrierParameter
-from stc.solver.barrier_update import DOUBTFUL_SOLUTION
+from stc.solver.barrier_update import DOUBTFUL_SOLUTION, SMALLEST_TAU
 from stc.solver.curvature import ESCAPES, SecondOrder, leave_saddle
-from stc.solver.filter_line_search import CORRECTION_PROGRESS, NOT_FINITE
+from stc.solver.filter_line_search import (
+    CALL_MISSING,
+    CORRECTION_PROGRESS,
+    NOT_FINITE,
+    SMALL_VIOLATION,
+    TAKEN,
+)
 from stc.solver.formulation import MANY_GAPS, Formulation
-from stc.solver.globalization import LineSearch, barrier_value
 from stc.solver.iterate import Iterate
 from stc.solver.iteration_calls import BLOCKED, FACTORIZATION, LOOK, SEARCH, stages_of
 from stc.solver.kkt.frontal import DOUBTFUL
@@ -31,29 +35,37 @@ from stc.solver.progress import Drift, Nearest, Stall
 from stc.solver.progress_kernels import LARGEST_ERROR
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.state import (
+    ADAPTIVE,
     ATTEMPT,
     ATTENTION,
     BEST_KNOWN,
     BEST_NEW,
     BEST_OBJECTIVE,
     BEST_VIOLATION,
+    CHANGED,
     DOUBT,
     ENDED_BY,
     ERROR,
     FARTHEST,
     FEASIBILITY,
+    FREE,
+    LARGEST_MU,
     LENGTH,
     LENGTH_TAKEN,
     LENGTHENS,
     MADE,
     MOST,
+    MU,
     PRIMAL,
     PRODUCTS,
     ROW,
     SHORTEST,
+    SMALL_THETA,
+    SMALLEST_MU,
     STEP_TAKEN,
     STUCK,
     TAU,
+    TINY,
 )
 from stc.solver.unboundedness import LOW, is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
@@ -145,8 +157,13 @@ class _Loop:
         """Forget how the current iterate was reached."""
         form, work, s = self.form, self.work, self.s
         smallest = self.options.tolerance / 11.0 / max(1.0, form.gaps / MANY_GAPS)
-        self.barrier = BarrierParameter(work, mu, smallest, self.adaptive)
-        self.search = LineSearch(work, self.tactics.largest_theta)
+        s[MU], s[SMALLEST_MU], s[LARGEST_MU] = mu if form.gaps else 0.0, smallest, np.inf
+        s[ADAPTIVE], s[FREE] = self.adaptive, self.adaptive and form.gaps > 0
+        s[TAU], s[CHANGED] = SMALLEST_TAU, 0.0
+        work.accepted.restart(np.inf)
+        scale = max(1.0, work.it.theta)
+        s[SMALL_THETA], s[TINY] = SMALL_VIOLATION * scale, 0.0
+        work.filter.restart(self.tactics.largest_theta * scale)
         self.nearest = Nearest(work)
         self.stall = Stall(work)
         s[STUCK], s[SHORTEST] = 0.0, self.shortest
@@ -295,7 +312,7 @@ class _Loop:
         if found is SecondOrder.LEFT:
             self.escapes += 1
             self.monitor.count()
-            self._begin(self.barrier.mu)
+            self._begin(self.s[MU])
         return found
 
     def _complete(self, ended: int) -> bool:
@@ -340,7 +357,7 @@ class _Loop:
         is computed anew with a stiffer Hessian, which also turns it. Where that does not make it shorter, it is the
         rows that ask for the step, and the first one is searched to the end.
         """
-        work, system, search, s = self.work, self.system, self.search, self.s
+        work, system, s = self.work, self.system, self.s
         before: tuple[Step, float] | None = None
         for shorter in (*SHORTER, 0.0):
             final = not shorter
@@ -353,9 +370,11 @@ class _Loop:
                     final = True
                 s[SHORTEST] = 0.0 if final else self.shortest
                 ended = self.stages.search()
-            taken = search.go_on(ended)
+            while ended == CALL_MISSING:
+                work.provide_solves()
+                ended = self.stages.backtrack()
             work.calls.check()
-            if taken or final or ended == NOT_FINITE:
+            if final or ended in (TAKEN, NOT_FINITE):
                 break
             ended = None
             before = work.spare, s[LENGTH]
@@ -372,7 +391,7 @@ class _Loop:
 
         Returns None when the iteration can go on from where that led, else how it ends.
         """
-        form, it, search, barrier = self.form, self.it, self.search, self.barrier
+        form, it, mu, filter = self.form, self.it, self.s[MU], self.work.filter
         if not isinstance(form, ScaledProblem) or self.nearest.error <= ACCEPTABLE:
             return self._give_up()
         if it.theta <= FEASIBLE * self.options.tolerance:
@@ -380,18 +399,20 @@ class _Loop:
         if not self.tactics.patient and self.restorations >= self.tactics.brief_restorations:
             self.early = True
             return self._give_up()
-        from stc.solver.restoration import Acceptance, meet_rows
+        from stc.solver.restoration import Acceptance, barrier_value, meet_rows
 
         theta = it.theta
-        search.filter.add(theta, barrier_value(it.f, it.gap, barrier.mu))
+        filter.add(theta, barrier_value(it.f, it.gap, mu))
         self.restorations += 1
         brief = self.restorations <= self.tactics.brief_restorations
 
-        def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
-            stop = Acceptance(elastic, search.filter, theta, barrier.mu) if brief else None
-            return optimise(elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop)
+        def solve(elastic: ElasticProblem, start: Iterate, its_mu: float) -> Outcome:
+            stop = Acceptance(elastic, filter, theta, mu) if brief else None
+            return optimise(
+                elastic, start, its_mu, self.options, self.monitor, tactics=self.tactics, stop=stop
+            )
 
-        end, _ = meet_rows(form, it, barrier.mu, self.options.feasibility_tolerance, solve)
+        end, _ = meet_rows(form, it, mu, self.options.feasibility_tolerance, solve)
         self.work.load(it)
         self.work.provide_attempt()
         if end is End.STUCK or (end is None and it.theta > CORRECTION_PROGRESS * theta):

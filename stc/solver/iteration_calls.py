@@ -1,8 +1,8 @@
 """The stages of an iteration as prepared calls, and the iteration as a chain of them.
 
 Each stage is a compiled function that makes the calls of the workspace's table and leaves its numbers (see
-:mod:`stc.solver.state`).  It returns 0, or tells what it cannot do itself: :mod:`stc.solver.newton_system`,
-:mod:`stc.solver.globalization` and :mod:`stc.solver.interior` do that, and go on from there.  So iterations
+:mod:`stc.solver.state`).  It returns 0, or tells what it cannot do itself: :mod:`stc.solver.newton_system` and
+:mod:`stc.solver.interior` do that, and go on from there.  So iterations
 where all is as usual are one call together, however small the problem.
 """
 

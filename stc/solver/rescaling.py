@@ -6,14 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from stc.solver.curvature import SecondOrder, second_order_at
 from stc.solver.interior import optimise
 from stc.solver.judgement import Point
+from stc.solver.kkt.contract import NotFinite
+from stc.solver.multipliers import shift_of_equations
 from stc.solver.nlp import Floats
-from stc.solver.outcome import Outcome, Tactics
+from stc.solver.outcome import End, Outcome, Tactics
 from stc.solver.products import between
 from stc.solver.scaled_problem import ORDINARY, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, warm_iterate
 from stc.solver.strategies import Strategies
+from stc.solver.workspace import workspace_of
 
 __all__ = ["Rescalings"]
 
@@ -77,20 +81,35 @@ class Rescalings:
 
         A violation that seems to be stationary may be of rows whose variables have far to go.
         """
-        from stc.solver.least_norm_point import least_norm_point
-
         if not self.options.scaling:
             return None
-        monitor = self.monitor
-        left = replace(self.options, max_iterations=monitor.limit - monitor.iterations)
-        unit = self.scaled_anew(form, x0, form.objective_factor, even=True).x_scale
-        there, spent = least_norm_point(self.nlp, unit, left)
-        monitor.iterations += spent
+        there = _least_norm_point(self.scaled_anew(form, x0, form.objective_factor, even=True))
+        if there is None:
+            return None
+        there = between(there, self.nlp.x_lower, self.nlp.x_upper)
         sized = self.scaled_anew(form, there, form.objective_factor)
         ratio = sized.x_scale / form.x_scale
         if ((ratio <= SAME) & (ratio >= 1.0 / SAME)).all():
             return None
         return self.attempts.cold(sized, x0, self.options)
+
+    def beyond_saddle(self, outcome: Outcome) -> tuple[Outcome, Outcome | None]:
+        """A stationary point where it is a minimum; else what negative curvature leads to from there.
+
+        Returns:
+            That, and the stationary point again where it would do if that leads nowhere: where nothing bends downwards.
+        """
+        form = outcome.form
+        assert isinstance(form, ScaledProblem)
+        found = second_order_at(form, outcome.x, outcome.y, self.options.seed)
+        if found in (SecondOrder.HOLDS, SecondOrder.FLAT):
+            return replace(outcome, minimum=True), None
+        if found is SecondOrder.FAILS:
+            return replace(outcome, end=End.SADDLE), None
+        x = workspace_of(form).it.w[: form.n].copy()
+        self.monitor.count()
+        on = self.on_from(form, Point(*form.as_stated(x, outcome.y)), Tactics())
+        return on, replace(outcome, minimum=True) if found is SecondOrder.LOWER else None
 
     def on_from(self, form: ScaledProblem, point: Point, tactics: Tactics, share: float = 1.0) -> Outcome:
         """On from a point of the problem as stated that is nearly a solution, in the scale of ``form``, to such a
@@ -114,3 +133,19 @@ class Rescalings:
             return outcome
         x = self.judgement.stated(outcome).x
         return self.attempts.cold(self.scaled_anew(there, x, form.objective_factor), x, self.options)
+
+
+def _least_norm_point(form: ScaledProblem) -> Floats | None:
+    """The point nearest to the origin that meets a problem's linear equations, (n,), the sizes of variables in the
+    problem's units; None where a coefficient is not finite."""
+    origin = np.where(form.held, form.held_value, 0.0)
+    _, r = form.values(origin)
+    _, jac, _ = form.derivatives(origin, np.zeros(form.m))
+    jac = jac * form.equality[form.jac_rows]
+    soft = np.where(form.equality, shift_of_equations(jac), 1.0)
+    try:
+        form.kkt.factorize(np.zeros(form.hess_rows.size), jac, np.ones(form.n), soft)
+    except NotFinite:
+        return None
+    dx, _ = form.kkt.solve(np.zeros(form.n), np.where(form.equality, form.target - r, 0.0))
+    return form.user_variables(np.where(form.held, origin, dx))

@@ -14,9 +14,9 @@ import numpy as np
 from stc.records import dataclass
 from stc.solver.convexity import is_convex
 from stc.solver.elastic import ElasticProblem
+from stc.solver.filter import Filter
 from stc.solver.form_cache import once
 from stc.solver.formulation import Formulation
-from stc.solver.globalization import Filter, barrier_value
 from stc.solver.iterate import Iterate, evaluate
 from stc.solver.kernels import LARGEST_MULTIPLIER
 from stc.solver.multipliers import least_squares_multipliers
@@ -25,7 +25,7 @@ from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
-__all__ = ["Acceptance", "back_from", "elastic_of", "elastic_start", "meet_rows", "returned"]
+__all__ = ["Acceptance", "back_from", "barrier_value", "elastic_of", "elastic_start", "meet_rows", "returned"]
 
 RHO = 1e3
 """What a unit of violation costs beside nearness to where restoration begins, which that is divided by here."""
@@ -34,6 +34,11 @@ MOST_CENTRES = 30
 NEARLY_MET = 10.0
 """A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
 PROGRESS = 0.9
+
+
+def barrier_value(f: float, gap: Floats, mu: float) -> float:
+    """``f - mu * sum(log(gap))``."""
+    return f - mu * float(np.log(gap).sum()) if gap.size else f
 
 
 @dataclass(frozen=True, slots=True)

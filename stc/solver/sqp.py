@@ -10,7 +10,7 @@ import numpy as np
 from stc.deadline import within
 from stc.solver.active_set import fitting_multipliers
 from stc.solver.convexity import is_convex
-from stc.solver.curvature import ESCAPES
+from stc.solver.curvature import ESCAPES, SecondOrder, second_order_at
 from stc.solver.form_cache import give_back, kept_form, key_of, once
 from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement, Point
@@ -27,7 +27,6 @@ from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
 from stc.solver.scaled_problem import ScaledProblem, relative_violation
-from stc.solver.second_order import beyond_saddle, is_minimum
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
@@ -314,7 +313,7 @@ class _Solve:
                 return flat or outcome
             if outcome.end is End.UNBOUNDED or outcome.minimum:
                 return outcome
-            outcome, flat = beyond_saddle(outcome, self.rescalings)
+            outcome, flat = self.rescalings.beyond_saddle(outcome)
         outcome = self._confirmed(outcome)
         if outcome.end is End.CONVERGED and not outcome.minimum:
             outcome.end = End.SADDLE
@@ -414,8 +413,10 @@ class _Solve:
 
     def _is_minimum(self, point: Point) -> bool:
         """Whether a stationary point meets those of the second."""
-        assert self.form is not None
-        return is_minimum(self.form, point, self.options.seed)
+        form = self.form
+        assert form is not None
+        x, y = point.x / form.x_scale, form.scaled_multipliers(point.y)
+        return second_order_at(form, x, y, self.options.seed) in (SecondOrder.HOLDS, SecondOrder.FLAT)
 
     def _result(
         self, status: Status, x: Floats, y: Floats | None = None, message: str = "", at: Point | None = None

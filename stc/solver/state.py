@@ -62,7 +62,7 @@ SMALL_STEPS: Final = 48
 SHORT_STEPS: Final = 49
 THETA_BEFORE: Final = 50
 
-# Of the barrier parameter (stc.solver.barrier_parameter).
+# Of the barrier parameter (stc.solver.barrier_update).
 MU: Final = 56
 TAU: Final = 57
 FREE: Final = 58  # 1 while the parameter is chosen anew at every iterate
@@ -93,7 +93,7 @@ SLOW_STEPS: Final = 93  # damped ones in a row that were whole
 SLOW_BEST: Final = 94  # the smallest dual error of these, and of as many before them
 SLOW_BEFORE: Final = 95
 
-# Of the search along a step (stc.solver.globalization).
+# Of the search along a step (stc.solver.filter_line_search).
 FROM_THETA: Final = 96  # what the points tried are compared with
 FROM_PHI: Final = 97
 FROM_SLOPE: Final = 98

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scaled_program import dense, inside, scaled
 
 from stc.solver import kernels, state, step_kernels
-from stc.solver.globalization import largest_step
+from stc.solver.curvature import largest_step
 from stc.solver.iterate import errors_of, evaluate
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
