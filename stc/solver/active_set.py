@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, DUAL_SHIFT, REFINEMENTS
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, NOTHING, REFINEMENTS
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
@@ -44,8 +44,6 @@ NEAR = 1e-2
 STEPS = 8
 PATIENCE, SLIGHT_CONTRACTION = 2, 0.5
 """From a neighbour: how many steps may fail to contract, and what is enough to go on."""
-FARTHEST = 30.0
-"""A step that makes the error this many times larger has lost its way, whatever patience is left."""
 
 
 def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
@@ -95,7 +93,7 @@ def newton_on_active_set(
         new = pair.next
         if new.error > max(enough * error, ACCURATE * tolerance):
             patience -= 1
-            if patience < 0 or new.error > FARTHEST * error:
+            if patience < 0:
                 return None, False
         certified = True
         monitor.count()
@@ -174,7 +172,7 @@ def _balancing(form: ScaledProblem, jac: Floats, free: Mask, active: Mask) -> Ca
     (n,); of least norm, nearly. Good until the system is factorised again.
     """
     entries = jac * (active[form.jac_rows] & free[form.jac_cols])
-    shift = np.where(active, DUAL_SHIFT, 1.0)
+    shift = np.where(active, NOTHING, 1.0)
     form.kkt.factorize(np.zeros(form.hess_rows.size), entries, np.ones(form.n), shift)
     return lambda pull: np.where(active, form.kkt.solve(pull, np.zeros(form.m))[1], 0.0)
 

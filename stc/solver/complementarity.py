@@ -17,6 +17,7 @@ import numpy as np
 
 from stc.arrays import scattered
 from stc.records import dataclass, field
+from stc.solver.active_set import NEAR
 from stc.solver.convexity import is_convex
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
@@ -33,10 +34,6 @@ __all__ = ["by_penalty"]
 
 FIRST_WEIGHT, GROWTH = 100.0, 10.0
 """The penalty's gradient, as a multiple of the objective's near the start, and how the weight grows."""
-ROUNDS, LARGEST_GROWTH = (1.0, 100.0), 1e6
-"""First weights of the rounds from the start, and how much larger the last one of a round is, in multiples."""
-NEARLY = 0.01
-"""Smaller sides of pairs, relative to ``max(1, larger side)``, that may be held at nothing."""
 
 Solve = Callable[[NLP, Options, Callback | None, Start], Result]
 
@@ -53,13 +50,13 @@ def by_penalty(
     weight = _first_weight(nlp, pairs, start)
     convex = is_convex(Penalised(nlp, pairs, 1.0))
     best: Result | None = None
-    for factor in ROUNDS:
+    for factor in (1.0, FIRST_WEIGHT):
         for result in _round(passes, factor * weight, start):
             best = result if best is None or passes.is_better(result, best) else best
             if passes.ends(result) or (result.status is Status.INFEASIBLE and convex):
                 return passes.of_all(result)  # infeasible whatever the products
         assert best is not None
-        if passes.missing(best) <= NEARLY:
+        if passes.missing(best) <= NEAR:
             held = passes.held(best)
             if passes.ends(held):
                 return passes.of_all(held)
@@ -72,7 +69,7 @@ def by_penalty(
 
 def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
     """The results of passes with growing weights, each from where the one before has led."""
-    last = LARGEST_GROWTH * weight
+    last = weight / ACCEPTABLE
     while weight <= last:
         result = passes.penalised(weight, start)
         yield result

@@ -20,11 +20,13 @@ from enum import Enum
 
 import numpy as np
 
+from stc.solver.active_set_system import NOTHING
 from stc.solver.barrier_update import SMALLEST_TAU
 from stc.solver.filter_line_search import MOST_CORRECTIONS
 from stc.solver.iterate import evaluate
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
+from stc.solver.outcome import SHORT_BUDGET
 from stc.solver.products import inner, norm
 from stc.solver.projection_kernels import CONTRACTION
 from stc.solver.scaled_problem import NEARBY, ScaledProblem
@@ -35,11 +37,8 @@ __all__ = ["ESCAPES", "SecondOrder", "largest_step", "leave_saddle", "second_ord
 
 ESCAPES = 5
 """Stationary points that bend downwards, one after the other."""
-POWER_STEPS = 30
-NEGLIGIBLE = 1e-8
-"""Curvature that counts as none, of the size of the errors that a point within the tolerance leaves in it: relative to
-what it is made of, whatever the units of the variables; on the way, to the Hessian's largest entry or to 1."""
-TRIALS, FEW_TRIALS = 16, 3
+TRIALS = 16
+"""Lengths of a step along negative curvature, each half the one before."""
 SIGNIFICANT = 1e-11
 
 
@@ -63,7 +62,7 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
     form, work = system.form, system.work
     it = work.it
     mu = inner(it.gap, it.z) / max(1, form.gaps)
-    negligible = NEGLIGIBLE * max(1.0, float(np.abs(it.hess).max(initial=0.0)))
+    negligible = NOTHING * max(1.0, float(np.abs(it.hess).max(initial=0.0)))
     try:
         system.factorize(max(mu, 1e-9), exact=True)
         if system.shift == 0.0:
@@ -80,7 +79,7 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
         return SecondOrder.FLAT
     dw, curvature, uncertain = bent
     # What inertia says of a badly scaled matrix may be rounding, and its largest entry may hide what bends.
-    flat = curvature >= -NEGLIGIBLE * uncertain if probe else flat or curvature > -negligible
+    flat = curvature >= -NOTHING * uncertain if probe else flat or curvature > -negligible
     if flat and (not probe or (form.linear and form.quadratic_objective)):
         return SecondOrder.FLAT
     if inner(it.dual[: form.n], dw[: form.n]) > 0.0:
@@ -103,7 +102,7 @@ def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float, float] |
     v = np.random.default_rng(seed).standard_normal(form.n) * form.free
     zeros, rhs = np.zeros(form.m), np.zeros(form.size)
     curvature = np.inf
-    for _ in range(POWER_STEPS):
+    for _ in range(SHORT_BUDGET):
         rhs[: form.n] = v
         dw, _ = system.solve(rhs, zeros)
         length = norm(dw[: form.n])
@@ -134,7 +133,7 @@ def _lower(system: NewtonSystem, dw: Floats, *, few: bool, beyond_errors: bool) 
     products = inner(it.gap, it.z) if beyond_errors else 0.0
     for direction in (dw, -dw):
         alpha = scale * largest_step(it.gap, scale * (form.sign * direction[form.index]), SMALLEST_TAU)
-        for _ in range(FEW_TRIALS if few else TRIALS):
+        for _ in range(MOST_CORRECTIONS if few else TRIALS):
             enough = SIGNIFICANT * (1.0 + abs(it.f)) + alpha * slope + products
             w = it.w + alpha * direction
             for _ in range(MOST_CORRECTIONS):

@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ElasticKKT", "ElasticProblem"]
 
-HELD = 1e-7
-"""Slopes of the sum of violations, of which a row's scaled gradients are parts, down to this count."""
-
 
 class ElasticKKT(ByCopies):
     """A KKT system in (x, p, q) on top of one in x: see ``AttachedKKT``."""
@@ -203,14 +200,15 @@ class ElasticProblem(Formulation):
         n, m = self.base.n, self.m
         return x[:n], x[n : n + m], x[n + m :]
 
-    def is_held(self, x: Floats) -> bool:
+    def is_held(self, x: Floats, tolerance: float) -> bool:
         """Whether being away from the reference has a cost whose slope counts beside those of violated rows.
 
         Args:
             x: the problem's variables, (n,).
+            tolerance: slopes of the sum of violations, of which a row's scaled gradients are parts, down to this count.
         """
         slope = self._curvature * (x - self._reference)
-        return float(np.abs(slope).max(initial=0.0)) > HELD * self.price
+        return float(np.abs(slope).max(initial=0.0)) > tolerance * self.price
 
     def values(self, x: Floats) -> tuple[float, Floats]:
         own, p, q = self.split(x)

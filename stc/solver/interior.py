@@ -18,6 +18,7 @@ from stc.solver.curvature import ESCAPES, SecondOrder, leave_saddle
 from stc.solver.filter_line_search import (
     CALL_MISSING,
     CORRECTION_PROGRESS,
+    MOST_CORRECTIONS,
     NOT_FINITE,
     SMALL_VIOLATION,
     TAKEN,
@@ -30,9 +31,10 @@ from stc.solver.monitor import Monitor
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
-from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
+from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome, Tactics
 from stc.solver.progress import Drift, Nearest, Stall
-from stc.solver.progress_kernels import LARGEST_ERROR
+from stc.solver.progress_kernels import LARGEST_ERROR, SHORT
+from stc.solver.projection_kernels import ACCURATE
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.state import (
     ADAPTIVE,
@@ -67,7 +69,7 @@ from stc.solver.state import (
     TAU,
     TINY,
 )
-from stc.solver.unboundedness import LOW, is_unbounded
+from stc.solver.unboundedness import LOW, TOO_FAR, is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
 
 if TYPE_CHECKING:
@@ -75,18 +77,8 @@ if TYPE_CHECKING:
 
 __all__ = ["optimise"]
 
-TOO_FAR = 1e20
-GAP = 1e-7
-"""Largest sum of gap times multiplier, relative to the objective, which it bounds the error of."""
 SMALL = 20_000
 """Unknowns up to which several iterations are made in a row."""
-FEASIBLE = 0.01
-SHORTEST_FRACTION, SHORTEST_IN_RESTORATION = 2e-3, 0.02
-"""Share of what the bounds allow, below which a step is computed anew; where rows may be violated freely nothing but
-their curvature makes it as short."""
-SHORTER = (10.0, 10.0, 1e3, 1e8)
-SAME_SIZE = 0.8
-"""A stiffer Hessian that leaves the step longer than this fraction of it is of no use."""
 
 Condition = Callable[[Formulation, Iterate], bool]
 
@@ -148,7 +140,6 @@ class _Loop:
         restores = not isinstance(form, ScaledProblem)
         self.phase = "restoration" if restores else "barrier"
         self.s[LENGTHENS] = 0.0 if restores else 1.0
-        self.shortest = SHORTEST_IN_RESTORATION if restores else SHORTEST_FRACTION
         self.s[LENGTH_TAKEN] = self.s[STEP_TAKEN] = 0.0
         self.s[DOUBT] = DOUBTFUL
         self._begin(mu)
@@ -166,7 +157,7 @@ class _Loop:
         work.filter.restart(self.tactics.largest_theta * scale)
         self.nearest = Nearest(work)
         self.stall = Stall(work)
-        s[STUCK], s[SHORTEST] = 0.0, self.shortest
+        s[STUCK], s[SHORTEST] = 0.0, SHORT
         s[FEASIBILITY] = self.options.feasibility_tolerance
         s[ATTENTION] = self._attention()
 
@@ -285,7 +276,7 @@ class _Loop:
         return self.s[PRODUCTS] > self._negligible()
 
     def _negligible(self) -> float:
-        return GAP * max(1.0, abs(self.it.f))
+        return ACCURATE * ACCEPTABLE * max(1.0, abs(self.it.f))
 
     def _stalled(self) -> bool:
         return self.stall.stalled or self.nearest.waited or self._is_over()
@@ -359,16 +350,16 @@ class _Loop:
         """
         work, system, s = self.work, self.system, self.s
         before: tuple[Step, float] | None = None
-        for shorter in (*SHORTER, 0.0):
-            final = not shorter
+        for trial in range(MOST_CORRECTIONS + 1):
+            final = trial == MOST_CORRECTIONS
             if ended is None:
                 self._find_step()
-                if before is not None and s[LENGTH] > SAME_SIZE * before[1]:
+                if before is not None and s[LENGTH] > PROGRESS * before[1]:
                     system.soften()
                     work.step.become(before[0])
                     work.limit_step(s[TAU])
                     final = True
-                s[SHORTEST] = 0.0 if final else self.shortest
+                s[SHORTEST] = 0.0 if final else SHORT
                 ended = self.stages.search()
             while ended == CALL_MISSING:
                 work.provide_solves()
@@ -380,10 +371,10 @@ class _Loop:
             before = work.spare, s[LENGTH]
             work.spare.become(work.step)
             try:
-                system.stiffen(work.step.dw, shorter)
+                system.stiffen(work.step.dw)
             except SingularSystem:
                 break
-        s[SHORTEST] = self.shortest
+        s[SHORTEST] = SHORT
         work.note_moved()
 
     def _restore(self) -> Outcome | None:
@@ -394,7 +385,7 @@ class _Loop:
         form, it, mu, filter = self.form, self.it, self.s[MU], self.work.filter
         if not isinstance(form, ScaledProblem) or self.nearest.error <= ACCEPTABLE:
             return self._give_up()
-        if it.theta <= FEASIBLE * self.options.tolerance:
+        if it.theta <= ACCURATE * self.options.tolerance:
             return self._give_up()
         if not self.tactics.patient and self.restorations >= self.tactics.brief_restorations:
             self.early = True

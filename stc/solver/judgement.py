@@ -9,14 +9,13 @@ from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.products import ROUNDED, between
-from stc.solver.projection_kernels import ACCURATE
+from stc.solver.projection_kernels import ACCURATE, EXACT
 from stc.solver.residuals import Assessment, assess, holds, is_met_but_for_rounding
 from stc.solver.scaled_problem import ORDINARY, ScaledProblem
 
 __all__ = ["Judgement", "Point"]
 
 LARGEST_MULTIPLIER = 1e12
-LEAST_SHARE = 1e-4
 """Of an error that leaves too much to gain: it falls less evenly than that, and not below rounding errors."""
 
 
@@ -103,7 +102,7 @@ class Judgement:
             most / max(most, self.assess(point).optimality),
             ACCEPTABLE / max(ACCEPTABLE, self.gain(point)),
         )
-        return max(ACCURATE * min(left), LEAST_SHARE) if min(left) < 1.0 else 1.0
+        return max(ACCURATE * min(left), EXACT) if min(left) < 1.0 else 1.0
 
     def gain(self, point: Point) -> float:
         """What it may, relative to the objective, or to 1 where that is less."""

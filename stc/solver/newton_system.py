@@ -25,6 +25,7 @@ import numpy as np
 from stc.solver.inertia_correction import (
     DONE,
     GROWTH,
+    GROWTH_AT_FIRST,
     LARGEST_SHIFT,
     NO_SHIFT,
     REFACTOR,
@@ -142,8 +143,8 @@ class NewtonSystem:
         inertia = self._refactor()
         return inertia.zero == 0 and inertia.negative == self.form.m
 
-    def stiffen(self, dw: Floats, shorter: float) -> None:
-        """Factorise with a shift that makes a step like ``dw`` (n + m,) ``shorter`` times shorter.
+    def stiffen(self, dw: Floats) -> None:
+        """Factorise with a shift that makes a step like ``dw`` (n + m,) shorter, by the factor of a first shift.
 
         Raises:
             SingularSystem: the matrix cannot be factorised.
@@ -154,7 +155,7 @@ class NewtonSystem:
         curved = form.hessian_times(work.it.hess, dx) + work.sigma[: form.n] * dx
         curvature = inner(dx, curved) / max(inner(dx, dx), 1e-300) + s[SHIFT]
         self._before = s[STIFFNESS], s[SHIFT]
-        s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], shorter * abs(curvature), SMALLEST_SHIFT)
+        s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], GROWTH_AT_FIRST * abs(curvature), SMALLEST_SHIFT)
         while not self._is_right():
             s[SHIFT] = larger_shift(work.numbers)
             if s[SHIFT] > LARGEST_SHIFT:

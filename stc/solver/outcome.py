@@ -9,10 +9,12 @@ from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
 
-__all__ = ["ACCEPTABLE", "BUDGET", "SHORT_BUDGET", "End", "Outcome", "Tactics"]
+__all__ = ["ACCEPTABLE", "BUDGET", "PROGRESS", "SHORT_BUDGET", "End", "Outcome", "Tactics"]
 
 BUDGET, SHORT_BUDGET = 300, 100
 """Steps of an attempt where another one is at hand, and of one that has a solution nearby."""
+PROGRESS = 0.9
+"""Of an error: what is less counts as progress."""
 ACCEPTABLE = 1e-6
 """A KKT error that may count as solved where rounding errors allow no better."""
 

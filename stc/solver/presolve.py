@@ -26,15 +26,13 @@ from stc.solver.options import Options
 from stc.solver.pairs import Complementary, Pairs
 from stc.solver.report import Callback, IterationRecord, Result, Start
 from stc.solver.residuals import assess, holds
-from stc.solver.scaled_problem import relative_violation
+from stc.solver.scaled_problem import RELAXATION, relative_violation
 from stc.solver.status import Status
 
 __all__ = ["Determined", "Reduced", "determined_by", "presolved"]
 
 SMALL_PIVOT: Final = 1e-6
 """An equation with a smaller coefficient, relative to its largest, does not tell its last unknown accurately."""
-MET = 1e-9
-"""What determined variables may miss bounds and equations by, relative to ``max(1, |bound|)``."""
 
 
 @dataclass(slots=True)
@@ -243,7 +241,7 @@ def determined_by(nlp: NLP) -> Determined | None:
         relative_violation(x, nlp.x_lower, nlp.x_upper)[gone].max(initial=0.0),
         relative_violation(r, nlp.row_lower, nlp.row_upper)[settled].max(initial=0.0),
     )
-    if not order.size or not misses <= MET:
+    if not order.size or not misses <= RELAXATION:
         return None
     return Determined(Part.of(nlp, x, ~gone, ~settled), order, cols[entries], entries, columns)
 

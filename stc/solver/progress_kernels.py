@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i64, native
-from stc.solver.outcome import ACCEPTABLE
+from stc.solver.filter_line_search import SMALL_VIOLATION
+from stc.solver.outcome import ACCEPTABLE, PROGRESS
 from stc.solver.state import (
     ATTENTION,
     BEST_KNOWN,
@@ -43,14 +44,12 @@ from stc.solver.state import (
 )
 from stc.solver.unboundedness import FAR, LOW
 
-NOTICEABLE = 0.9
 ITS_PATIENCE = 15
 MOST_TINY_STEPS = 3
 SMALL_STEP = 1e-9
 SHORT = 1e-2
 MOST_SHORT_STEPS = 5
 HALF = 0.5
-NEARLY_FEASIBLE = 1e-4
 LARGEST_ERROR = 1e50
 
 
@@ -74,7 +73,7 @@ def note_iterate(
     """
     error = s[ERROR]
     nearest = s[NEAREST_ERROR]
-    if error < NOTICEABLE * nearest:
+    if error < PROGRESS * nearest:
         s[WAITING] = 0.0
     elif nearest <= ACCEPTABLE:
         s[WAITING] += 1.0
@@ -108,7 +107,7 @@ def block(length: f64, theta: f64, s: f64s) -> i64:
         s[SHORT_STEPS] = 0.0
         s[THETA_BEFORE] = theta
     s[SHORT_STEPS] += 1.0
-    return 1 if s[SHORT_STEPS] > MOST_SHORT_STEPS and theta > NEARLY_FEASIBLE else 0
+    return 1 if s[SHORT_STEPS] > MOST_SHORT_STEPS and theta > SMALL_VIOLATION else 0
 
 
 @native

@@ -23,8 +23,6 @@ __all__ = ["Rescalings"]
 
 LIGHT = 1e-3, 1e-6
 """Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
-SAME = 10.0
-"""Units of variables that differ by less would lead to the same again."""
 
 
 class Rescalings:
@@ -88,8 +86,7 @@ class Rescalings:
             return None
         there = between(there, self.nlp.x_lower, self.nlp.x_upper)
         sized = self.scaled_anew(form, there, form.objective_factor)
-        ratio = sized.x_scale / form.x_scale
-        if ((ratio <= SAME) & (ratio >= 1.0 / SAME)).all():
+        if (sized.x_scale == form.x_scale).all():
             return None
         return self.attempts.cold(sized, x0, self.options)
 

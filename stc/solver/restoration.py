@@ -21,7 +21,8 @@ from stc.solver.iterate import Iterate, evaluate
 from stc.solver.kernels import LARGEST_MULTIPLIER
 from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import Floats
-from stc.solver.outcome import ACCEPTABLE, End, Outcome
+from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome
+from stc.solver.projection_kernels import ACCURATE
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
@@ -29,11 +30,6 @@ __all__ = ["Acceptance", "back_from", "barrier_value", "elastic_of", "elastic_st
 
 RHO = 1e3
 """What a unit of violation costs beside nearness to where restoration begins, which that is divided by here."""
-MOST_CENTRES = 30
-"""Points at most near which the rows of a convex program are to be met, one after the other."""
-NEARLY_MET = 10.0
-"""A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
-PROGRESS = 0.9
 
 
 def barrier_value(f: float, gap: Floats, mu: float) -> float:
@@ -81,8 +77,7 @@ def meet_rows(
         Why to stop there, or None; and the elastic problem's own outcome.
     """
     claim: Iterate | None = None
-    # Of rows that are not convex a stationary violation says little anyway.
-    for _ in range(MOST_CENTRES if once(is_convex, form.nlp) else 1):
+    while True:
         elastic, start, barrier = elastic_start(form, it, mu)
         outcome = solve(elastic, start, barrier)
         end = returned(form, it, elastic, outcome, tolerance)
@@ -90,11 +85,12 @@ def meet_rows(
             it.become(claim)
             # Where the search from there got lost, nothing has confirmed the claim.
             return End.STATIONARY_VIOLATION if end is End.STATIONARY_VIOLATION else End.STUCK, outcome
-        if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n]):
-            break
+        if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n], ACCURATE * tolerance):
+            return end, outcome
+        if not once(is_convex, form.nlp):  # of such rows a stationary violation says little anyway
+            return end, outcome
         # It stays near where it began, which may be all that keeps it there.
         claim, mu = it.snapshot(), 0.0
-    return end, outcome
 
 
 def returned(
@@ -110,8 +106,7 @@ def returned(
     minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
     if outcome.end is not End.STOPPED and minimal:
         violation = form.violation(w[: form.n], restored.r)
-        doubt = 1.0 if form.linear else NEARLY_MET
-        if violation > doubt * tolerance:
+        if violation > tolerance:
             end = End.STATIONARY_VIOLATION
     it.become(restored)
     y = outcome.y / elastic.price if end else least_squares_multipliers(workspace_of(form))

@@ -33,14 +33,12 @@ SMALLEST_FACTOR = 1e-8
 TOO_LARGE = 1e4
 """A gradient that no such factor keeps below this, or that only begins small, is divided by more; and so is an
 inequality row with a larger bound: a gradient that is small where all begins says nothing of it."""
-WEAK = 1e-4
+WEAK = 1.0 / TOO_LARGE
 """A variable whose entries of the scaled Jacobian are all smaller is measured in larger units."""
-UNEVEN = 0.1
-"""The same where rows of the usual scale have not led to a solution."""
 RELAXATION = 1e-9
 ORDINARY = 1e-2, 1e3
 """Magnitudes of variables that are left alone."""
-SMALLEST = 1e-3
+SMALLEST = 1.0 / ORDINARY[1]
 """Gradients that are smaller are scaled, and bounds that are smaller are widened by less."""
 NEARBY = 0.1
 """A little way off: so much of a variable's size."""
@@ -98,7 +96,7 @@ class ScaledProblem(Formulation):
         self._set_pattern(nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols)
         self._held_user = nlp.x_lower == nlp.x_upper
         if options.scaling:
-            self._choose_scales(x0, UNEVEN if even else WEAK)
+            self._choose_scales(x0, 1.0 if even else WEAK)
         self.objective_factor = objective_factor
         self.objective_scale *= objective_factor
         self._combine_scales()

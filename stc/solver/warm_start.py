@@ -11,7 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from stc.solver.active_set import FARTHEST, PATIENCE, SLIGHT_CONTRACTION, STEPS
+from stc.solver.active_set import PATIENCE, SLIGHT_CONTRACTION, STEPS
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.primal_dual import PrimalDual, measure
@@ -20,9 +21,6 @@ from stc.solver.quadratic import QuadraticProgram, QuadraticSolution, guess_from
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["from_neighbour"]
-
-DEPENDENT = 1
-"""The shift for dependent rows; the one after it, of the Hessian, slows the next steps down and is tried anew."""
 
 
 def from_neighbour(
@@ -48,7 +46,8 @@ def from_neighbour(
     for _ in range(STEPS):
         program = QuadraticProgram(form, point, ACCURATE * tolerance, regularity, monitor.check_time)
         found = program.solve(active)
-        regularity = min(program.regularity, DEPENDENT)
+        # The shift of the Hessian slows the next steps down, and is tried anew.
+        regularity = min(program.regularity, AGAINST_DEPENDENT_ROWS)
         if found is None:
             return None, False
         active = found.active
@@ -62,10 +61,10 @@ def from_neighbour(
             partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step, 1.0, 0.0, 0.0, "warm"
         )
         if new.error <= tolerance:
-            return new, program.regularity <= DEPENDENT
+            return new, program.regularity <= AGAINST_DEPENDENT_ROWS
         if new.error > SLIGHT_CONTRACTION * smallest:
             patience -= 1
-            if patience < 0 or new.error > FARTHEST * smallest:
+            if patience < 0:
                 return None, False
         smallest = min(smallest, new.error)
         point = new
