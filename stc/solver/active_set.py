@@ -19,13 +19,13 @@ from functools import partial
 
 import numpy as np
 
-from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, NOTHING, REFINEMENTS
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, REFINEMENTS
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
 from stc.solver.outcome import ACCEPTABLE
-from stc.solver.products import ROUNDED, at_bounds, between
+from stc.solver.products import NOTHING, ROUNDED, at_bounds, between
 from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.projection_kernels import ACCURATE, CONTRACTION
 from stc.solver.scaled_problem import ScaledProblem

@@ -12,20 +12,17 @@ from __future__ import annotations
 from stc.solver.conditions import restricted_diagonals
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
+from stc.solver.products import NOTHING
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
     "AGAINST_DEPENDENT_ROWS",
     "CHANGES",
-    "NOTHING",
     "REFINEMENTS",
     "RestrictedDiagonals",
     "factorize_restricted",
 ]
 
-NOTHING = 1e-8
-"""What counts as nothing beside 1, or beside the largest entry of the Hessian: shifts of free variables and of active
-rows. One over it holds variables and leaves rows out."""
 CHANGES = 12
 """How many active sets are tried, one after the other."""
 REFINEMENTS = 10

@@ -20,14 +20,13 @@ from enum import Enum
 
 import numpy as np
 
-from stc.solver.active_set_system import NOTHING
 from stc.solver.barrier_update import SMALLEST_TAU
 from stc.solver.filter_line_search import MOST_CORRECTIONS
 from stc.solver.iterate import evaluate
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.outcome import SHORT_BUDGET
-from stc.solver.products import inner, norm
+from stc.solver.products import NOTHING, inner, norm
 from stc.solver.projection_kernels import CONTRACTION
 from stc.solver.scaled_problem import NEARBY, ScaledProblem
 from stc.solver.starting import active_iterate

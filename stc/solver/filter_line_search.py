@@ -318,7 +318,7 @@ def search(
         s[FROM_PHI] = barrier_of(gaps, s[OBJECTIVE], s[LOGARITHMS], s)
         s[FROM_SLOPE] = s[SLOPE] - s[MU] * s[LOG_SLOPE]
         s[LIMIT] = s[PRIMAL_STEP]
-        s[TINY] = 1.0 if s[RELATIVE] < 10.0 * EPSILON and theta < 1e-4 else 0.0
+        s[TINY] = 1.0 if s[RELATIVE] < 10.0 * EPSILON and theta < SMALL_VIOLATION else 0.0
         ended = backtrack(
             calls, n, m, gaps, index, sign, w, y, c, gap, dy, trial_w, trial_c, x, f, dw, residual, alphas, mu,
             shifted, report, filter, s,

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i64, i64s, native, sqrt
+from stc.solver.filter_line_search import SMALL_VIOLATION
 from stc.solver.kkt.contract import COARSE
+from stc.solver.products import NOTHING
 from stc.solver.state import (
     ATTEMPT,
     BEND,
@@ -47,17 +49,10 @@ LARGEST_SHIFT = 1e40
 GROWTH_AT_FIRST = 100.0
 GROWTH = 8.0
 DECAY = 1.0 / 3.0
-SMALLER = 0.9
-"""A shift below such a share of the last iterate's is a smaller one; should it fail, that one is tried next."""
-ITS_DUAL_SHIFT = 1e-8
 MOST_UNTRIED = 3
 """Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
-FAR = 1e-4
-"""Error of the iterate from which on it is far."""
 NEARLY_WHOLE = 0.5
 """Share of a step, from which on it is counted as accepted."""
-SOFTER = 0.01
-SMALLEST_STIFFNESS = 1e-8
 WATCHED, SLOW = 6, 0.6
 WHOLE_STEP = 0.99
 """So many damped steps in a row that are whole, but leave more than such a share of the dual error, are the last."""
@@ -139,7 +134,7 @@ def begin(calls: i64s, s: f64s) -> None:
     invoke(calls, DIAGONALS)
     s[WHOLE] = 1.0
     s[SHIFT] = s[STIFFNESS]
-    s[SOFT] = ITS_DUAL_SHIFT * sqrt(sqrt(max(s[MU], 1e-12)))
+    s[SOFT] = NOTHING * sqrt(sqrt(max(s[MU], 1e-12)))
     s[DUAL_SHIFT] = 0.0
     s[TASK] = TRY
     if s[UNTRIED] > 0.0:  # without a shift: it has failed again and again
@@ -159,7 +154,7 @@ def larger_shift(s: f64s) -> f64:
     """
     last = s[LAST_SHIFT]
     grown = s[SHIFT] * (GROWTH_AT_FIRST if last == 0.0 else GROWTH)
-    if s[WHOLE] != 0.0 and s[SHIFT] < SMALLER * last:
+    if s[WHOLE] != 0.0 and s[SHIFT] < last:
         grown = min(grown, last)
     return max(grown, smaller_shift(s))
 
@@ -259,7 +254,7 @@ def factorize(
     if ended != DONE:
         return ended
     # Near a solution, what a solve leaves is an error of the multipliers that takes further iterations to be rid of.
-    if s[ERROR] > FAR:
+    if s[ERROR] > SMALL_VIOLATION:
         accuracy[0] = COARSE
     if s[SHIFT] == 0.0:
         s[FAILURES] = 0.0
@@ -290,13 +285,11 @@ def notice_slowness(length: f64, s: f64s) -> None:
 
 @native
 def relax(length: f64, s: f64s) -> None:
-    """Let the stiffness go as steps are accepted nearly whole, and at once where none is (``length`` 0)."""
+    """Let the stiffness go where a step is accepted nearly whole, and where none is (``length`` 0)."""
     notice_slowness(length, s)
     if length == 0.0:
         s[STIFFNESS] = 0.0
     elif s[SHIFT] > 0.0:
         s[LAST_SHIFT] = s[SHIFT]
     if length >= NEARLY_WHOLE:
-        s[STIFFNESS] *= SOFTER
-        if s[STIFFNESS] < SMALLEST_STIFFNESS:
-            s[STIFFNESS] = 0.0
+        s[STIFFNESS] = 0.0

@@ -7,7 +7,7 @@ import numpy as np
 from stc.solver.kernels import LARGEST_MULTIPLIER
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
-from stc.solver.step_kernels import SOFT
+from stc.solver.products import NOTHING
 from stc.solver.workspace import Workspace
 
 __all__ = ["least_squares_multipliers", "shift_of_equations"]
@@ -35,4 +35,4 @@ def least_squares_multipliers(work: Workspace) -> Floats:
 
 def shift_of_equations(jac: Floats) -> float:
     """What to soften equality rows by where the Hessian is the identity, given the Jacobian's entries."""
-    return SOFT * min(1.0, float(np.abs(jac).max(initial=0.0))) ** 2
+    return NOTHING * min(1.0, float(np.abs(jac).max(initial=0.0))) ** 2

@@ -14,11 +14,24 @@ from stc.solver.nlp import Floats, Ints, Mask
 
 Indices = NDArray[np.int64]
 
-__all__ = ["EPSILON", "ROUNDED", "between", "inner", "norm", "symmetric_times", "term_sums", "times"]
+__all__ = [
+    "EPSILON",
+    "NOTHING",
+    "ROUNDED",
+    "between",
+    "inner",
+    "norm",
+    "symmetric_times",
+    "term_sums",
+    "times",
+]
 
 EPSILON = 2.0**-52
 ROUNDED = 16.0 * EPSILON
 """What rounding may change a sum by, relative to the sizes of its terms."""
+NOTHING = 1e-8
+"""What counts as nothing beside 1: shifts of rows and of curvature (Waechter and Biegler 2006, 3.1). One over it holds
+variables and leaves rows out."""
 
 
 def between(x: Floats, lower: Floats, upper: Floats) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from stc.codegen.native import f64, f64s, i64, native
 from stc.solver.filter_line_search import SMALL_VIOLATION
 from stc.solver.outcome import ACCEPTABLE, PROGRESS
+from stc.solver.products import NOTHING
 from stc.solver.state import (
     ATTENTION,
     BEST_KNOWN,
@@ -45,8 +46,7 @@ from stc.solver.state import (
 from stc.solver.unboundedness import FAR, LOW
 
 ITS_PATIENCE = 15
-MOST_TINY_STEPS = 3
-SMALL_STEP = 1e-9
+MOST_TINY_STEPS = 2
 SHORT = 1e-2
 MOST_SHORT_STEPS = 5
 HALF = 0.5
@@ -97,7 +97,7 @@ def note_step(size: f64, tiny: i64, s: f64s) -> None:
     ``tiny``: it was below rounding error, and no change of the barrier explains it.
     """
     s[TINY_STEPS] = s[TINY_STEPS] + 1.0 if tiny != 0 else 0.0
-    s[SMALL_STEPS] = s[SMALL_STEPS] + 1.0 if size <= SMALL_STEP else 0.0
+    s[SMALL_STEPS] = s[SMALL_STEPS] + 1.0 if size <= NOTHING else 0.0
 
 
 @native

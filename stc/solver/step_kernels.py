@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native, sqrt
 from stc.solver.kernels import EQUALITY, IGNORED, INEQUALITY
+from stc.solver.products import NOTHING
 from stc.solver.state import (
     DUAL_SHIFT,
     DUAL_SQUARED,
@@ -34,12 +35,6 @@ ROWS_SHARE = 0.4
 CENTRED = 1.0
 #: Gaps that are looked at for one trial after the other, so that they stay at hand.
 BLOCK = 512
-#: What equality rows are softened by against dependent ones, relative to the square of the largest gradient entry.
-SOFT = 1e-8
-#: The least share of a gap that a step counts as closing, so that there is a largest multiple of it.
-LEAST_FALL = 1e-6
-#: Whether variables' sizes count in shifts of a damped Hessian; 0 is for bench/ablation.py.
-SIZED = 1
 
 
 @native(fast=True)
@@ -79,7 +74,7 @@ def shifted(
     Comput. 11, 1990.)
     """
     shift = s[SHIFT]
-    sized = SIZED != 0 and shift > 0.0 and s[WHOLE] == 0.0
+    sized = shift > 0.0 and s[WHOLE] == 0.0
     for i in range(n):
         shifts[i] = shift * free[i]
         if sized:
@@ -191,7 +186,7 @@ def lengths(
         log_slope += change
         fall_z = max(fall_z, -dz[k] / z[k])
     fraction = tau[0]
-    s[REACH] = fraction / max(fall, LEAST_FALL)
+    s[REACH] = fraction / max(fall, NOTHING)
     s[PRIMAL_STEP] = 1.0 if fall <= fraction else fraction / fall
     s[DUAL_STEP] = 1.0 if fall_z <= fraction else fraction / fall_z
     s[LOG_SLOPE] = log_slope
@@ -357,7 +352,7 @@ def least_squares(
 ) -> None:  # fmt: skip
     """The system whose solution makes the Lagrangian's gradient smallest.
 
-    Equality rows are softened by :data:`SOFT` times the square of the largest entry of J, at most.
+    Equality rows are softened, against dependent ones, by :data:`NOTHING` times the square of the largest entry of J.
     """
     for e in range(curved):
         out_hess[e] = 0.0
@@ -365,7 +360,7 @@ def least_squares(
     for e in range(entries):
         out_jac[e] = jac[e]
         largest = max(largest, fabs(jac[e]))
-    soft = SOFT * min(1.0, largest * largest)
+    soft = NOTHING * min(1.0, largest * largest)
     for i in range(n + m):
         pull[i] = 0.0
     for k in range(gaps):
