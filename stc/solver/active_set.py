@@ -20,6 +20,7 @@ from functools import partial
 import numpy as np
 
 from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, REFINEMENTS
+from stc.solver.filter_line_search import HALF
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
@@ -42,8 +43,8 @@ __all__ = [
 
 NEAR = 1e-2
 STEPS = 8
-PATIENCE, SLIGHT_CONTRACTION = 2, 0.5
-"""From a neighbour: how many steps may fail to contract, and what is enough to go on."""
+PATIENCE = 2
+"""From a neighbour: how many steps may fail to halve the error."""
 
 
 def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
@@ -82,11 +83,13 @@ def newton_on_active_set(
     pair.regularity = regularity
     if not pair.start(between(x, *form.true_x), y):
         return None, False
-    enough = SLIGHT_CONTRACTION if patience > 0 else CONTRACTION
+    enough = HALF if patience > 0 else CONTRACTION
     certified = False
+    contraction = 0.0
     for _ in range(STEPS):
         error = pair.point.error
-        if certified and error <= ACCURATE * tolerance:
+        # Two digits or more make one more step worth its while.
+        if certified and error <= (tolerance if contraction > CONTRACTION**2 else ACCURATE * tolerance):
             return pair.point, True
         if not pair.step(tolerance):
             return None, False
@@ -95,6 +98,7 @@ def newton_on_active_set(
             patience -= 1
             if patience < 0:
                 return None, False
+        contraction = new.error / max(error, 1e-300)
         certified = True
         monitor.count()
         monitor.record(

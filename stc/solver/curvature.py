@@ -36,9 +36,9 @@ __all__ = ["ESCAPES", "SecondOrder", "largest_step", "leave_saddle", "second_ord
 
 ESCAPES = 5
 """Stationary points that bend downwards, one after the other."""
+SIGNIFICANT = 1e-11
 TRIALS = 16
 """Lengths of a step along negative curvature, each half the one before."""
-SIGNIFICANT = 1e-11
 
 
 class SecondOrder(Enum):

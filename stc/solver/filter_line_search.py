@@ -55,6 +55,8 @@ S_THETA = 1.1
 S_PHI = 2.3
 ETA = 1e-8
 SMALL_VIOLATION = 1e-4
+HALF = 0.5
+"""Of a step, of a violation or of an error: what is nearly whole, and what is clearly less."""
 GAMMA_ALPHA = 0.05
 MOST_CORRECTIONS = 4
 CORRECTION_PROGRESS = 0.99

@@ -36,4 +36,4 @@ def slopes_left(nlp: NLP, x: Floats, y: Floats, z: Floats) -> Floats:
     terms += term_sums(nlp.hess_rows, nlp.hess_cols, hess, x, nlp.n)
     across = np.where(nlp.hess_rows != nlp.hess_cols, hess, 0.0)
     terms += term_sums(nlp.hess_cols, nlp.hess_rows, across, x, nlp.n)
-    return np.maximum(slopes - ROUNDED * terms, 0.0)
+    return np.maximum(slopes - ROUNDED / 4.0 * terms, 0.0)

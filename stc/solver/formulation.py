@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["Formulation", "summed"]
 
 #: From so many gaps on, as motions have them, each of them matters little.
-MANY_GAPS = 64
+MANY_GAPS = 100
 
 
 def _form_evaluator(form: Formulation) -> Evaluator:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from stc.codegen.calls import invoke
 from stc.codegen.native import f64, f64s, fabs, i64, i64s, native, sqrt
-from stc.solver.filter_line_search import SMALL_VIOLATION
+from stc.solver.barrier_update import SMALLEST_TAU
+from stc.solver.filter_line_search import HALF, SMALL_VIOLATION
 from stc.solver.kkt.contract import COARSE
 from stc.solver.products import NOTHING
 from stc.solver.state import (
@@ -51,10 +52,7 @@ GROWTH = 8.0
 DECAY = 1.0 / 3.0
 MOST_UNTRIED = 3
 """Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again."""
-NEARLY_WHOLE = 0.5
-"""Share of a step, from which on it is counted as accepted."""
 WATCHED, SLOW = 6, 0.6
-WHOLE_STEP = 0.99
 """So many damped steps in a row that are whole, but leave more than such a share of the dual error, are the last."""
 BENT = 0.05
 """Share of the variables that an objective has to bend at least."""
@@ -270,7 +268,7 @@ def notice_slowness(length: f64, s: f64s) -> None:
     Newton's own would all but remove it.  What is left out of the Hessian is then nearly as large as what is not, and
     the error falls by the same few per cent again and again, or goes up and down meanwhile.
     """
-    if s[WHOLE] != 0.0 or length < WHOLE_STEP:
+    if s[WHOLE] != 0.0 or length < SMALLEST_TAU:
         s[SLOW_STEPS] = 0.0
         s[SLOW_BEFORE] = 0.0
         return
@@ -291,5 +289,5 @@ def relax(length: f64, s: f64s) -> None:
         s[STIFFNESS] = 0.0
     elif s[SHIFT] > 0.0:
         s[LAST_SHIFT] = s[SHIFT]
-    if length >= NEARLY_WHOLE:
+    if length >= HALF:
         s[STIFFNESS] = 0.0

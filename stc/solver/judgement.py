@@ -8,14 +8,13 @@ from stc.records import dataclass
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
-from stc.solver.products import ROUNDED, between
+from stc.solver.products import ROUGHLY, between
 from stc.solver.projection_kernels import ACCURATE, EXACT
 from stc.solver.residuals import Assessment, assess, holds, is_met_but_for_rounding
 from stc.solver.scaled_problem import ORDINARY, ScaledProblem
 
 __all__ = ["Judgement", "Point"]
 
-LARGEST_MULTIPLIER = 1e12
 """Of an error that leaves too much to gain: it falls less evenly than that, and not below rounding errors."""
 
 
@@ -62,14 +61,11 @@ class Judgement:
         if (point == as_found).all():
             return Point(point, y)
         moved, unmoved = (assess(self.nlp, x, y).violation for x in (point, as_found))
-        return Point(point if moved <= max(unmoved, ROUNDED) else as_found, y)
+        return Point(point if moved <= max(unmoved, ROUGHLY) else as_found, y)
 
-    def confirms(self, point: Point, y: Floats) -> bool:
-        """Whether the problem as stated confirms a point, with multipliers ``y`` that can be believed."""
-        if not np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER:
-            return False
-        judged = self.assess(point)
-        return holds(self.nlp, point.x, judged, self.options)
+    def confirms(self, point: Point) -> bool:
+        """Whether the problem as stated confirms a point."""
+        return holds(self.nlp, point.x, self.assess(point), self.options)
 
     def stalled_short(self, outcome: Outcome, point: Point, again: bool = False) -> bool:
         """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.

@@ -25,7 +25,6 @@ import numpy as np
 from stc.solver.inertia_correction import (
     DONE,
     GROWTH,
-    GROWTH_AT_FIRST,
     LARGEST_SHIFT,
     NO_SHIFT,
     REFACTOR,
@@ -58,6 +57,8 @@ from stc.solver.state import (
 from stc.solver.workspace import Step, Workspace
 
 __all__ = ["NewtonSystem", "SingularSystem"]
+
+SHORTER = 10.0
 
 
 class SingularSystem(ArithmeticError):
@@ -144,7 +145,7 @@ class NewtonSystem:
         return inertia.zero == 0 and inertia.negative == self.form.m
 
     def stiffen(self, dw: Floats) -> None:
-        """Factorise with a shift that makes a step like ``dw`` (n + m,) shorter, by the factor of a first shift.
+        """Factorise with a shift that makes a step like ``dw`` (n + m,) shorter, :data:`SHORTER` times.
 
         Raises:
             SingularSystem: the matrix cannot be factorised.
@@ -155,7 +156,7 @@ class NewtonSystem:
         curved = form.hessian_times(work.it.hess, dx) + work.sigma[: form.n] * dx
         curvature = inner(dx, curved) / max(inner(dx, dx), 1e-300) + s[SHIFT]
         self._before = s[STIFFNESS], s[SHIFT]
-        s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], GROWTH_AT_FIRST * abs(curvature), SMALLEST_SHIFT)
+        s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], SHORTER * abs(curvature), SMALLEST_SHIFT)
         while not self._is_right():
             s[SHIFT] = larger_shift(work.numbers)
             if s[SHIFT] > LARGEST_SHIFT:

@@ -17,6 +17,7 @@ Indices = NDArray[np.int64]
 __all__ = [
     "EPSILON",
     "NOTHING",
+    "ROUGHLY",
     "ROUNDED",
     "between",
     "inner",
@@ -29,6 +30,8 @@ __all__ = [
 EPSILON = 2.0**-52
 ROUNDED = 16.0 * EPSILON
 """What rounding may change a sum by, relative to the sizes of its terms."""
+ROUGHLY = 1e-12
+"""The same after many operations, with a margin."""
 NOTHING = 1e-8
 """What counts as nothing beside 1: shifts of rows and of curvature (Waechter and Biegler 2006, 3.1). One over it holds
 variables and leaves rows out."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stc.codegen.native import f64, f64s, i64, native
-from stc.solver.filter_line_search import SMALL_VIOLATION
+from stc.solver.filter_line_search import HALF, SMALL_VIOLATION
 from stc.solver.outcome import ACCEPTABLE, PROGRESS
 from stc.solver.products import NOTHING
 from stc.solver.state import (
@@ -49,7 +49,6 @@ ITS_PATIENCE = 15
 MOST_TINY_STEPS = 2
 SHORT = 1e-2
 MOST_SHORT_STEPS = 5
-HALF = 0.5
 LARGEST_ERROR = 1e50
 
 

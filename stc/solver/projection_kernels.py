@@ -25,10 +25,9 @@ __all__ = [
 CONTRACTION = 0.1
 ACCURATE = 0.1
 """Share of the tolerance that a point is to reach where another step would."""
+CORRECTIONS = 3
 EXACT = 1e-3
 """Share of the tolerance above which a correction with the factorisation at hand is worth its while."""
-CORRECTIONS = 3
-"""So many of them at most."""
 
 #: Calls of a pair of points, those of the first one and then of the second: evaluate it; the right-hand side for a
 #: correction from there; move from there to the other one. The last one solves.

@@ -24,17 +24,11 @@ from stc.solver.outcome import ACCEPTABLE
 from stc.solver.primal_dual import PrimalDual
 from stc.solver.products import term_sums
 from stc.solver.projection_kernels import ACCURATE
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.scaled_problem import RELAXATION, ScaledProblem
 
 __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
 
 Signs = NDArray[np.int32]
-
-FEW, MORE, EARLY, HARDLY_FEWER = 8, 2.0, 4, 0.75
-"""No more active sets are tried where they differ from the last one by more than a few constraints and by twice as many
-as some did before, nor more than so many where the differences hardly get fewer."""
-ROUNDING = 1e-9
-"""Multipliers below this share of the terms they balance do not tell an active constraint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +67,7 @@ def guess_from_multipliers(form: ScaledProblem, point: PrimalDual) -> ActiveSet:
     """What was active where the point's multipliers belong."""
     terms = term_sums(form.jac_cols, form.jac_rows, point.jac, point.y, form.n)
     return ActiveSet(
-        _signs(point.z, np.asarray(ACCEPTABLE + ROUNDING * terms, float), *form.true_x) * ~form.held,
+        _signs(point.z, np.asarray(ACCEPTABLE + RELAXATION * terms, float), *form.true_x) * ~form.held,
         _signs(point.y, np.full(form.m, ACCEPTABLE), *form.true_rows) * ~form.equality,
     )
 
@@ -82,16 +76,6 @@ def _signs(multiplier: Floats, least: Floats, lower: Floats, upper: Floats) -> S
     at_upper = (multiplier > least) & np.isfinite(upper)
     at_lower = (multiplier < -least) & np.isfinite(lower)
     return at_upper.astype(np.int32) - at_lower.astype(np.int32)
-
-
-def _diverges(differences: list[int]) -> bool:
-    """Whether active sets that differ by so many constraints, one from the next, lead nowhere."""
-    if not differences:
-        return False
-    last, least = differences[-1], min(differences)
-    if last > FEW and last > MORE * least:
-        return True
-    return len(differences) >= EARLY and least > HARDLY_FEWER * differences[0]
 
 
 class QuadraticProgram:
@@ -131,9 +115,8 @@ class QuadraticProgram:
         form = self.form
         n, m = form.n, form.m
         tried: set[bytes] = set()
-        differences: list[int] = []
         active = guess
-        while len(tried) < CHANGES and active.key() not in tried and not _diverges(differences):
+        while len(tried) < CHANGES and active.key() not in tried:
             self._check()
             tried.add(active.key())
             fixed_d = np.empty(n)
@@ -151,7 +134,6 @@ class QuadraticProgram:
             )
             if not different:
                 return QuadraticSolution(d, y, self._fixed * pull, active)
-            differences.append(different)
             active = better
         return None
 

@@ -9,27 +9,24 @@ import numpy as np
 from stc.solver.curvature import SecondOrder, second_order_at
 from stc.solver.interior import optimise
 from stc.solver.judgement import Point
-from stc.solver.kkt.contract import NotFinite
-from stc.solver.multipliers import shift_of_equations
+from stc.solver.least_norm_point import Solve, least_norm_point
 from stc.solver.nlp import Floats
-from stc.solver.outcome import End, Outcome, Tactics
+from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.products import between
-from stc.solver.scaled_problem import ORDINARY, ScaledProblem
+from stc.solver.scaled_problem import ORDINARY, SMALLEST, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, warm_iterate
 from stc.solver.strategies import Strategies
 from stc.solver.workspace import workspace_of
 
 __all__ = ["Rescalings"]
 
-LIGHT = 1e-3, 1e-6
-"""Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
-
 
 class Rescalings:
     """Other scales for the problem of some attempts. Each attempt is None where nothing would be different."""
 
-    def __init__(self, attempts: Strategies) -> None:
-        self.attempts = attempts
+    def __init__(self, attempts: Strategies, solve: Solve) -> None:
+        """``solve`` solves another problem with settings: :func:`stc.solver.sqp.minimize`."""
+        self.attempts, self.solve = attempts, solve
         self.nlp, self.options = attempts.nlp, attempts.options
         self.monitor, self.judgement = attempts.monitor, attempts.judgement
 
@@ -55,7 +52,8 @@ class Rescalings:
         even = self.scaled_anew(form, x0, form.objective_factor, even=True)
         _, _, hess = even.weighted_derivatives(x0 / even.x_scale, np.zeros(even.m), 1.0)
         curvature = float(np.abs(hess).max(initial=0.0))
-        for light in LIGHT:
+        # Beside such curvatures scaled linear equations are told from such that depend on one another.
+        for light in (SMALLEST, ACCEPTABLE):
             factor = light / max(curvature, light)
             even = self.scaled_anew(form, x0, factor * form.objective_factor, even=True)
             outcome = self.attempts.linear_equations(even, x0)
@@ -81,10 +79,11 @@ class Rescalings:
         """
         if not self.options.scaling:
             return None
-        there = _least_norm_point(self.scaled_anew(form, x0, form.objective_factor, even=True))
-        if there is None:
-            return None
-        there = between(there, self.nlp.x_lower, self.nlp.x_upper)
+        unit = self.scaled_anew(form, x0, form.objective_factor, even=True).x_scale
+        monitor = self.monitor
+        left = replace(self.options, max_iterations=monitor.limit - monitor.iterations)
+        there, spent = least_norm_point(self.nlp, unit, left, self.solve)
+        monitor.iterations += spent
         sized = self.scaled_anew(form, there, form.objective_factor)
         if (sized.x_scale == form.x_scale).all():
             return None
@@ -130,19 +129,3 @@ class Rescalings:
             return outcome
         x = self.judgement.stated(outcome).x
         return self.attempts.cold(self.scaled_anew(there, x, form.objective_factor), x, self.options)
-
-
-def _least_norm_point(form: ScaledProblem) -> Floats | None:
-    """The point nearest to the origin that meets a problem's linear equations, (n,), the sizes of variables in the
-    problem's units; None where a coefficient is not finite."""
-    origin = np.where(form.held, form.held_value, 0.0)
-    _, r = form.values(origin)
-    _, jac, _ = form.derivatives(origin, np.zeros(form.m))
-    jac = jac * form.equality[form.jac_rows]
-    soft = np.where(form.equality, shift_of_equations(jac), 1.0)
-    try:
-        form.kkt.factorize(np.zeros(form.hess_rows.size), jac, np.ones(form.n), soft)
-    except NotFinite:
-        return None
-    dx, _ = form.kkt.solve(np.zeros(form.n), np.where(form.equality, form.target - r, 0.0))
-    return form.user_variables(np.where(form.held, origin, dx))

@@ -33,7 +33,7 @@ SMALLEST_FACTOR = 1e-8
 TOO_LARGE = 1e4
 """A gradient that no such factor keeps below this, or that only begins small, is divided by more; and so is an
 inequality row with a larger bound: a gradient that is small where all begins says nothing of it."""
-WEAK = 1.0 / TOO_LARGE
+WEAK, WEAKEST = 1.0 / TOO_LARGE, 1e-10
 """A variable whose entries of the scaled Jacobian are all smaller is measured in larger units."""
 RELAXATION = 1e-9
 ORDINARY = 1e-2, 1e3
@@ -158,7 +158,7 @@ class ScaledProblem(Formulation):
         weak = (columns > 0.0) & (columns < weak_below)
         if weak.any() and bool((self.x_scale >= 1.0).all()):  # else it is small that they are
             most = np.maximum(np.abs(nlp.x_lower), np.abs(nlp.x_upper))[weak]  # infinite where either is
-            larger = np.minimum(self.x_scale[weak] / columns[weak], most)
+            larger = np.minimum(self.x_scale[weak] / np.maximum(columns[weak], WEAKEST), most)
             self.x_scale[weak] = np.exp2(np.round(np.log2(np.maximum(larger, self.x_scale[weak]))))
             self._choose_function_scales(x0)
         sizes = np.zeros(self.m)
@@ -295,7 +295,7 @@ def _hair(bound: Floats, unit: Floats) -> Floats:
     """
     size = np.abs(bound)
     hair = np.where(size == 0.0, 1.0, np.clip(size, SMALLEST, 1.0))
-    return np.maximum(RELAXATION * np.minimum(hair, unit), ROUNDED * size)
+    return np.maximum(RELAXATION * np.minimum(hair, unit), 4.0 * ROUNDED * size)
 
 
 def _relaxed(lower: Floats, upper: Floats, unit: Floats) -> tuple[Floats, Floats]:

@@ -145,7 +145,7 @@ class _Solve:
         self._least: Outcome | None = None  # of a search for a feasible point from the guess
         self.judgement = Judgement(nlp, options)
         self.attempts = Strategies(nlp, options, self.monitor, self.judgement)
-        self.rescalings = Rescalings(self.attempts)
+        self.rescalings = Rescalings(self.attempts, minimize)
 
     def run(self) -> Result:
         nlp = self.nlp
@@ -337,7 +337,7 @@ class _Solve:
             point, confirmed = self.judgement.stated(outcome), False
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = self.judgement.assess(point)
-                confirmed = self.judgement.confirms(point, outcome.y)
+                confirmed = self.judgement.confirms(point)
                 if confirmed and not self.judgement.stalled_short(outcome, point, refused):
                     outcome.end = End.CONVERGED
                     return outcome
@@ -409,7 +409,7 @@ class _Solve:
 
     def _is_stationary(self, point: Point) -> bool:
         """Whether a point that was not solved for meets the conditions of the first order."""
-        return self.judgement.confirms(point, point.y) and not self.judgement.may_gain(point)
+        return self.judgement.confirms(point) and not self.judgement.may_gain(point)
 
     def _is_minimum(self, point: Point) -> bool:
         """Whether a stationary point meets those of the second."""

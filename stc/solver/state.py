@@ -89,6 +89,7 @@ EXACT: Final = 87
 EQUATIONS: Final = 90  # 1 when there are equality rows
 BENDS_ALIKE: Final = 91  # 1 when the objective bends the same everywhere
 ENDED: Final = 92  # how the last attempt to factorise did
+
 SLOW_STEPS: Final = 93  # damped ones in a row that were whole
 SLOW_BEST: Final = 94  # the smallest dual error of these, and of as many before them
 SLOW_BEFORE: Final = 95

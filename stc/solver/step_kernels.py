@@ -31,8 +31,6 @@ from stc.solver.state import (
 SHARE, SLIGHT = 0.1, 1e-3
 #: How much of the rows' part of the Hessian is used where the whole of it makes the matrix indefinite.
 ROWS_SHARE = 0.4
-#: The least centring parameter where steps are short.
-CENTRED = 1.0
 #: Gaps that are looked at for one trial after the other, so that they stay at hand.
 BLOCK = 512
 
@@ -342,7 +340,7 @@ def choose_centring(
             if error < least or (error == least and trial < best):
                 best = trial
                 least = error
-    s[SIGMA] = grid[best] if reaches[best] >= short else max(grid[best], CENTRED)
+    s[SIGMA] = grid[best] if reaches[best] >= short else max(grid[best], 1.0)
 
 
 @native(fast=True)

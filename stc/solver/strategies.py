@@ -21,9 +21,6 @@ from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 
 __all__ = ["Strategies"]
 
-CLOSE = 0.1
-"""The violation allowed on the way from a feasible point."""
-
 
 class Strategies:
     """The attempts at one problem, which share their limits and their log."""
@@ -129,7 +126,7 @@ class Strategies:
 
     def from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
         """Start at a feasible point ``x`` (n,), and do not leave the rows far behind."""
-        return self.barrier(form, x, Tactics(largest_theta=CLOSE))
+        return self.barrier(form, x, Tactics(largest_theta=NEARBY))
 
     def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
         """A start near ``x0``, moved at random by a fraction of each variable's size."""

@@ -11,7 +11,7 @@ from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
 from stc.solver.outcome import ACCEPTABLE, SHORT_BUDGET
-from stc.solver.products import ROUNDED, term_sums
+from stc.solver.products import ROUGHLY, term_sums
 from stc.solver.report import IterationRecord
 from stc.solver.scaled_problem import WEAK, ScaledProblem
 
@@ -21,7 +21,8 @@ FAR = 1e7
 TOO_FAR = 1e20
 LOW = -TOO_FAR
 """An objective below any sensible value."""
-RAY = 10.0, 100.0, 1000.0
+RAY = 10.0
+"""How many times farther a point is tried, and farther again."""
 
 
 def is_unbounded(form: Formulation, it: Iterate, farthest: float) -> bool:
@@ -51,7 +52,7 @@ def is_unbounded(form: Formulation, it: Iterate, farthest: float) -> bool:
 def _falls(form: ScaledProblem, it: Iterate, direction: Floats) -> bool:
     """Whether the objective keeps falling along a ray of feasible points from a far iterate."""
     x, last = it.w[: form.n], it.f
-    for factor in RAY:
+    for factor in (RAY, RAY**2, RAY**3):
         beyond = x + (factor - 1.0) * direction
         f, r = form.values(beyond)
         if not np.isfinite(f) or f > last - 0.5 * abs(last) or not _feasible(form, beyond, r):
@@ -68,7 +69,7 @@ def _feasible(form: ScaledProblem, x: Floats, r: Floats) -> bool:
     x_lower, x_upper = form.true_x
     off_x = np.maximum(np.maximum(x_lower - x, x - x_upper), 0.0)
     return bool(
-        np.all(off <= ACCEPTABLE + ROUNDED * size) and np.all(off_x <= ACCEPTABLE + ROUNDED * np.abs(x))
+        np.all(off <= ACCEPTABLE + ROUGHLY * size) and np.all(off_x <= ACCEPTABLE + ROUGHLY * np.abs(x))
     )
 
 
@@ -85,6 +86,6 @@ def falling_to(history: Sequence[IterationRecord]) -> float | None:
         f = [history[k].objective for k in np.linspace(begin, end - 1, 5).astype(int)]
         fall = f[0] - f[-1]
         steadily = all(later < before for before, later in itertools.pairwise(f))
-        if fall > RAY[0] * max(1.0, abs(f[0])) and steadily:
+        if fall > RAY * max(1.0, abs(f[0])) and steadily:
             lowest = f[-1] if lowest is None else min(lowest, f[-1])
     return lowest

@@ -11,8 +11,9 @@ from functools import partial
 
 import numpy as np
 
-from stc.solver.active_set import PATIENCE, SLIGHT_CONTRACTION, STEPS
+from stc.solver.active_set import PATIENCE, STEPS
 from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS
+from stc.solver.filter_line_search import HALF
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.primal_dual import PrimalDual, measure
@@ -62,7 +63,7 @@ def from_neighbour(
         )
         if new.error <= tolerance:
             return new, program.regularity <= AGAINST_DEPENDENT_ROWS
-        if new.error > SLIGHT_CONTRACTION * smallest:
+        if new.error > HALF * smallest:
             patience -= 1
             if patience < 0:
                 return None, False

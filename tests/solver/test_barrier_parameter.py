@@ -34,16 +34,6 @@ class Barrier:
         return bool(s[state.FREE])
 
 
-def test_small_reductions_that_cost_much_end_the_free_choice() -> None:
-    barrier = Barrier(1e-4)
-    assert barrier.iterate(1e-4, 1e-3)
-    assert barrier.iterate(6e-5, 2e-2)  # the first one
-    assert barrier.iterate(6e-5, 1e-3)
-    assert not barrier.iterate(4e-5, 5e-2)  # the second one
-    assert barrier.s[state.MU] == pytest.approx(barrier_update.HELD_FRACTION * 4e-5)
-    assert not barrier.iterate(barrier.s[state.MU], 1e-3)  # and that is for good
-
-
 @pytest.mark.parametrize(
     ("mu", "error"),
     [
