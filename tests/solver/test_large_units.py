@@ -9,8 +9,8 @@ from quadratic_program import Quadratic
 import stc
 from stc.solver import minimize
 
-#: A stage of two links: lengths in ``L`` to the metre, times in ``S`` to the second. Its angles have limits, without which
-#: it has another optimum, the other way round.
+#: A stage of two links: lengths in ``L`` to the metre, times in ``S`` to the second. Its angles have limits: without
+#: them it has another optimum, the other way round.
 STAGE = """
 constants: n = 60, L = LENGTH, S = TIME, g = 9.81*L/S^2, m1 = 12, m2 = 16, l1 = 0.032*L, l2 = 0.053*L, T = 0.107*S,
            most = 85*L^2/S^2;
