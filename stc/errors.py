@@ -54,6 +54,13 @@ class Origins:
             return end if after else start
         return min(start + offset - self._begins[piece] + after, end)
 
+    def first(self, offset: int) -> int | None:
+        """The first character of the text that stands for the one at ``offset`` of the spec; None if none does."""
+        for begin, (length, start, end, _) in zip(self._begins, self._pieces):
+            if start <= offset < end:
+                return begin + (offset - start if length == end - start else 0)
+        return None
+
     def values(self, offset: int) -> str:
         """What is repeated there, and for what: ``k = 3``; empty outside repetitions."""
         return self._pieces[max(0, bisect_right(self._begins, offset) - 1)][3]

@@ -10,7 +10,7 @@ import typer
 from typer.models import CommandInfo
 
 from stc import __version__
-from stc.cli import exports, jobs, perturbed, pictures, studies, sweeping
+from stc.cli import editor, exports, jobs, perturbed, pictures, studies, sweeping
 from stc.cli import view as viewing
 from stc.cli.options import solve_options, writable_page
 from stc.cli.parameters import (
@@ -441,6 +441,16 @@ def schedule(
 ) -> int:
     """Write the contacts that were found under `free:` as ranges of frames, to be solved to full order."""
     return exports.schedule(target, output, solve_options(settings), force=force, as_json=json)
+
+
+@app.command("language-server")
+def language_server(
+    stdio: Annotated[
+        bool, typer.Option("--stdio", help="Over standard input and output, as it always is.")
+    ] = True,
+) -> int:
+    """Tell an editor what the text of a spec says: mistakes, meanings, completions (docs/editor.md)."""
+    return editor.serve()
 
 
 @app.command()

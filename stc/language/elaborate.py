@@ -74,6 +74,13 @@ def elaborate_with_recovery(
     tree: syntax.SpecTree, overrides: Mapping[str, float], method: str | None, diagnostics: Diagnostics
 ) -> Problem | None:
     """As :func:`elaborate`, but mistakes are added to ``diagnostics``; None where they leave no problem."""
+    return elaborator(tree, overrides, method, diagnostics).problem()
+
+
+def elaborator(
+    tree: syntax.SpecTree, overrides: Mapping[str, float], method: str | None, diagnostics: Diagnostics
+) -> Elaborator:
+    """What makes a tree's problem; before it does, it knows the names of the spec and the values of its constants."""
     if method is not None and method not in METHODS:
         raise UsageError(
             f"there is no method `{method}`",
@@ -84,10 +91,12 @@ def elaborate_with_recovery(
         from stc.language.contact import without_contacts
 
         tree = without_contacts(tree, overrides, diagnostics)
-    return _Elaborator(tree, overrides, method, diagnostics).problem()
+    return Elaborator(tree, overrides, method, diagnostics)
 
 
-class _Elaborator(Context):
+class Elaborator(Context):
+    """A context that works through all sections."""
+
     def __init__(
         self,
         tree: syntax.SpecTree,

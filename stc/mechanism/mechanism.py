@@ -296,6 +296,7 @@ class Keyframe:
     qvel: tuple[float, ...]
     activations: tuple[float, ...]
     controls: tuple[float, ...]
+    place: Place | None = None
 
 
 @dataclass(frozen=True, slots=True)

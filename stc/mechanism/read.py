@@ -464,6 +464,7 @@ class _Reader:
 
     def _keyframes(self) -> tuple[Keyframe, ...]:
         m = self.m
+        places = self._places("keys", "key", [0] * m.nkey)
         names = self._names("KEY", m.nkey, lambda i: f"keyframe{i + 1}")
         return tuple(
             [
@@ -474,6 +475,7 @@ class _Reader:
                     qvel=_floats(m.key_qvel[i]),
                     activations=_floats(m.key_act[i]),
                     controls=_floats(m.key_ctrl[i]),
+                    place=places[i],
                 )
                 for i in range(m.nkey)
             ]
