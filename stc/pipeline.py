@@ -9,10 +9,11 @@ it solves, :func:`stc.certification.certify` on to the verdict.
 
 from __future__ import annotations
 
+import gc
 import os
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -28,6 +29,7 @@ from stc.bundled import find_spec, is_solution, with_text
 from stc.collecting import collect
 from stc.deadline import within
 from stc.errors import Diagnostic, EndedError, Source, SpecError, UsageError
+from stc.in_notebook import in_notebook
 from stc.kept_transcriptions import KeptTranscriptions
 from stc.language import read_problem
 from stc.language.elaborate import elaborate
@@ -115,6 +117,19 @@ class Model:
         self.warnings: tuple[Diagnostic, ...] = ()
         self._transcriptions = KeptTranscriptions(self.tree)
         self._fewer: dict[tuple[Any, ...], FewerFrames | None] = {}  # of the last constants
+
+    def forget(self) -> None:
+        """Forget what earlier solves have planned: the next one ends as the first of a process does, to the last digit.
+
+        What an earlier solve has allocated and planned shows in the last digits of the next one, and so, where a motion
+        has several optima nearby, in which of them is found.  Derivatives and machine code are kept on disk and are not
+        made anew.
+        """
+        from stc.solver.kkt.reuse import forget
+
+        self._transcriptions, self._fewer = KeptTranscriptions(self.tree), {}
+        gc.collect()  # transcriptions refer to themselves, and give back their plans when they are collected
+        forget()
 
     def __reduce__(self) -> tuple[type[Model], tuple[Source, dict[str, float]]]:
         """A copy, here or in another process, reads the text anew: compiled code stays where it is."""
@@ -219,7 +234,8 @@ class Model:
             guess: values to start from by name, or a file of them (see :mod:`stc.guess_file`); what it does not name
                 keeps the spec's own guess. Several numbers are spread evenly over the motion, or stand where ``t``,
                 ``time`` or ``frame`` says.
-            callback: called with a record after every iteration; returning True stops the solve.
+            callback: called with a record after every iteration; returning True stops the solve.  In a notebook a
+                solve without one shows how far it has got.
             optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/optimizers.md.
             minimizer: called in the optimizer's stead, say to measure it (see :mod:`stc.studies.profile`).
             fewer_first: a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`), unless it
@@ -238,14 +254,14 @@ class Model:
         """
         options = given_options(tolerance, max_iterations, time_limit)
         unfinished.current = None
-        with within(options.time_limit):
+        with self._watched(callback) as watching, within(options.time_limit):
             try:
                 solution = self._solved(
                     options,
                     method,
                     warm_start,
                     guess,
-                    callback,
+                    watching,
                     optimizer,
                     minimizer,
                     fewer_first,
@@ -256,6 +272,16 @@ class Model:
         unfinished.current = None
         solution.origin = self
         return solution
+
+    def _watched(self, callback: Callback | None) -> AbstractContextManager[Callback | None]:
+        """A context that gives the callback of a solve: in a notebook, where there is none, one that shows progress."""
+        if callback is not None or not in_notebook():
+            return nullcontext(callback)
+        # By name: nothing here is imported from the layers above.
+        shown: AbstractContextManager[Callback | None] = import_module("stc.notebook_progress").solving(
+            self.name
+        )
+        return shown
 
     def _ended(self, ended: EndedError) -> Solution:
         """What there is where a solve was ended before it had begun: its start, if that is known or can be had.

@@ -261,6 +261,10 @@ def validate(
         int | None,
         typer.Option("--seed", metavar="NUMBER", help="Of the random --robustness; default 0."),
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", metavar="COUNT", help="Processes that share --robustness; default 1."),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Validate a saved motion in MuJoCo, or solve a spec and validate that."""
@@ -271,8 +275,10 @@ def validate(
     if robustness:
         if page is not None or equations or order:
             raise UsageError("--robustness goes without --report, --equations and --order")
-        return perturbed.run(target, options, force=force, samples=samples, seed=seed, as_json=json)
-    for option, value in (("--samples", samples), ("--seed", seed)):
+        return perturbed.run(
+            target, options, force=force, samples=samples, seed=seed, workers=workers, as_json=json
+        )
+    for option, value in (("--samples", samples), ("--seed", seed), ("--workers", workers)):
         if value is not None:
             raise UsageError(f"{option} is for --robustness")
     if page is None and (equations or order):

@@ -39,7 +39,7 @@ def run(
         UsageError, SpecError: as :func:`stc.sweeps.sweep`.
     """
     from stc.sweeps import sweep
-    from stc.sweeps.workers import WorkerError, can_share
+    from stc.workers import WorkerError, can_share
 
     axes = dict(axis(setting) for setting in settings or ())
     if not axes:

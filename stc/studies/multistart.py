@@ -8,6 +8,7 @@ generator per start, seeded with the seed and the start's number: start 7 is the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,10 @@ from stc.guess_file import GivenValues, NodeValues, read_guess
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
-from stc.solver.kkt.reuse import forget
 from stc.studies.effort import Clock, Effort
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
+from stc.workers import Workers
 
 __all__ = ["MultiStart", "Optimum", "StartRecord", "multistart"]
 
@@ -110,6 +111,7 @@ def multistart(
     starts: int = 20,
     seed: int = 1,
     *,
+    workers: int | None = 1,
     solve: Callable[..., Solution] | None = None,
     on_start: Callable[[StartRecord], None] | None = None,
     **options: Any,
@@ -120,7 +122,9 @@ def multistart(
         model: the spec.
         starts: how many, the spec's own guess included.
         seed: of the random numbers.
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
+        workers: number of processes; None for one per processor, or what ``joblib.parallel_config`` says.  How many
+            there are does not show in what is found.
+        solve: used in place of ``model.solve``, with the same arguments (to watch it), where there is one worker.
         on_start: told after every solve; the number of the optimum in the record is the one found so far.
         **options: of :meth:`stc.pipeline.Model.solve`; a guess is what the starts lie around, a time limit is for
             all solves together.
@@ -134,7 +138,6 @@ def multistart(
         raise UsageError(f"at least one start is needed, not {starts}")
     if seed < 0:
         raise UsageError(f"a seed is a whole number, 0 or more, not {seed}")
-    solve = solve or model.solve
     guess = options.pop("guess", None)
     if isinstance(guess, str) or hasattr(guess, "__fspath__"):
         guess = read_guess(guess)
@@ -143,29 +146,53 @@ def multistart(
     problem, transcription = model.transcription(options.get("method"), **constants)
     around = _Neighbourhood(transcription, transcription.bind(problem.constants, guess=guess, check=False))
     found = MultiStart()
-    forget()  # what earlier solves planned shows in last digits, and so in where a far start leads
-    for number in range(starts):
-        solution = None
-        for attempt in range(ATTEMPTS if number else 1):
-            values = guess if number == 0 else around.start(seed, number, 0.5**attempt)
-            try:
-                solution = solve(constants=constants, guess=values, **options, **clock.option())
+    tasks = (
+        _Task(
+            model, around, seed, number, {"constants": constants, "guess": guess, **options, **clock.option()}
+        )
+        for number in range(starts)
+    )
+    with Workers(workers) as side_by_side:
+        solved = _solved if solve is None else partial(_solved, solve=solve)
+        for number, solution in enumerate(side_by_side.in_order(solved, tasks)):
+            found.starts.append(_sorted_in(found, number, solution))
+            if on_start is not None:
+                on_start(found.starts[-1])
+            made = f"{number + 1} of {starts} starts were made"
+            if solution is not None and solution.status == "interrupted":
+                found.message = f"interrupted; {made}"
                 break
-            except (EvaluationError, SpecError):
-                if number == 0:
-                    raise
-        found.starts.append(_sorted_in(found, number, solution))
-        if on_start is not None:
-            on_start(found.starts[-1])
-        made = f"{number + 1} of {starts} starts were made"
-        if solution is not None and solution.status == "interrupted":
-            found.message = f"interrupted; {made}"
-            break
-        if clock.is_over and number + 1 < starts:
-            found.message = f"the time limit of {clock.limit:g} s came first; {made}"
-            break
+            if clock.is_over and number + 1 < starts:
+                found.message = f"the time limit of {clock.limit:g} s came first; {made}"
+                break
     _rank(found)
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """One start: ``options`` are those of its solve, with the guess that the first start has."""
+
+    model: Model
+    around: _Neighbourhood
+    seed: int
+    number: int
+    options: dict[str, Any]
+
+
+def _solved(task: _Task, solve: Callable[..., Solution] | None = None) -> Solution | None:
+    """What a start leads to, in whatever process and after whatever else; None where a function has no value there."""
+    for attempt in range(ATTEMPTS if task.number else 1):
+        options = dict(task.options)
+        if task.number:
+            options["guess"] = task.around.start(task.seed, task.number, 0.5**attempt)
+        task.model.forget()
+        try:
+            return (solve or task.model.solve)(**options)
+        except (EvaluationError, SpecError):
+            if task.number == 0:
+                raise
+    return None
 
 
 def _sorted_in(found: MultiStart, number: int, solution: Solution | None) -> StartRecord:

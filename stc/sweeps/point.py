@@ -7,7 +7,6 @@ one that asks.
 
 from __future__ import annotations
 
-import gc
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -109,17 +108,10 @@ def _solved(task: Task, file: Path) -> tuple[Solution, str]:
 
 
 def _fresh(source: Source) -> Model:
-    """A model that solves as the first one of a process does.
-
-    What an earlier solve has allocated and planned shows in the last digits of the next one, and so, where a motion has
-    several optima nearby, in which of them is found.  Derivatives and machine code are kept on disk and are not made
-    anew.
-    """
-    from stc.solver.kkt.reuse import forget
-
-    gc.collect()  # models refer to themselves, and give back their plans when they are collected
-    forget()
-    return Model(source)
+    """A model that solves as the first one of a process does."""
+    model = Model(source)
+    model.forget()
+    return model
 
 
 def _judged(file: Path) -> dict[str, Any]:

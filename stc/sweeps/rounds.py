@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from stc.arguments import numbers
 from stc.arguments import path as path_of
 from stc.data_sets import files_of
 from stc.errors import EndedError
+from stc.in_notebook import in_notebook
 from stc.pipeline import Model, load
 from stc.problem import Problem
 from stc.recorded_files import record
@@ -19,7 +22,7 @@ from stc.solver.options import given_options
 from stc.sweeps.folder import Folder, Sweep
 from stc.sweeps.grid import Grid
 from stc.sweeps.point import Found, Task, solve_point
-from stc.sweeps.workers import Workers
+from stc.workers import Workers
 
 __all__ = ["sweep"]
 
@@ -58,7 +61,7 @@ def sweep(
     Raises:
         UsageError: values that cannot be swept, an unknown constant, or a folder that holds something else.
         SpecError: mistakes in the spec, at the first point.
-        WorkerError: a worker process was killed; what was found until then is kept.
+        WorkerError: worker processes were lost again and again; what was found until then is kept.
         EndedError: the process was asked to stop; what was found until then is kept.
     """
     given = {"method": method, "tolerance": tolerance, "max_iterations": max_iterations}
@@ -93,8 +96,12 @@ def sweep(
         constants = {**fixed, **grid.constants(index)}
         return Task(index, model.source, constants, given, bool(replay), start)
 
+    progress: AbstractContextManager[Callable[[Sweep], None] | None] = nullcontext()
+    if in_notebook():
+        # By name: nothing here is imported from the layers above.
+        progress = import_module("stc.notebook_progress").sweeping(model.name)
     try:
-        with Workers(workers) as side_by_side:
+        with progress as show, Workers(workers) as side_by_side:
             for indices in grid.rounds():
                 left = (index for index in indices if index not in found.facts)
                 for one in side_by_side.results(solve_point, map(task, left)):
@@ -102,6 +109,8 @@ def sweep(
                         raise EndedError("the sweep was interrupted", "interrupted")
                     kept.keep(one)
                     found.facts[one.index] = one.facts
+                    if show is not None:
+                        show(found)
                     if on_point is not None:
                         on_point(found, one)
     finally:
