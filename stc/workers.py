@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from importlib.util import find_spec
@@ -153,7 +154,15 @@ class Workers:
     def _shared(self, calls: Iterator[Any]) -> Iterator[Any]:
         """What the calls return."""
         if self._together is None:
-            yield from self._parallel(calls)
+            outputs = self._parallel(calls)
+            try:
+                # `yield from` would close it, with a warning, where nobody asks for more.
+                for output in outputs:  # noqa: UP028
+                    yield output
+            finally:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # joblib's advice to ask for less
+                    outputs.close()
             return
         while part := list(islice(calls, self._together)):
             yield from self._parallel(part)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -78,3 +79,14 @@ def test_every_word_of_the_language_has_a_colour() -> None:
         ]
         assert found, word
     assert not [rule.pattern for rule in rules if rule.fullmatch("speedy") or rule.fullmatch("sinus")]
+
+
+def test_without_pygls_the_command_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from stc.cli.main import run
+
+    monkeypatch.delitem(sys.modules, "stc.editor.server", raising=False)
+    monkeypatch.setitem(sys.modules, "lsprotocol", None)
+    assert run(["language-server"]) == 2
+    assert "needs pygls, which is not installed\n  pip install pygls" in capsys.readouterr().err

@@ -154,6 +154,16 @@ def test_tasks_of_workers_that_are_killed_are_done_by_others(tmp_path: Path) -> 
 
 @needs_joblib
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # joblib ends its workers
+def test_who_has_had_enough_is_not_warned() -> None:
+    with Workers(2) as both:
+        results = both.results(abs, range(-50, 0))
+        assert 1 <= next(results) <= 50
+        results.close()
+
+
+@needs_joblib
+@pytest.mark.slow
 def test_workers_that_are_killed_again_and_again_are_told_of() -> None:
     with Workers(2) as both, pytest.raises(WorkerError, match="worker processes were ended from outside"):
         list(both.results(die, range(4)))
