@@ -8,9 +8,8 @@ from pathlib import Path
 
 from stc.editor.last_solution import LastSolution, values_in
 from stc.editor.names import Known, file_of
-from stc.editor.reading import Reading
+from stc.editor.reading import Reading, section_at
 from stc.editor.words import WORDS, words_in
-from stc.errors import Source
 from stc.language.lexer import WORD_CHARACTER
 from stc.language.words import METHODS
 from stc.records import dataclass
@@ -19,7 +18,7 @@ __all__ = ["Completion", "Target", "completions", "hover", "outline", "targets"]
 
 #: What is typed of a path before its last part.
 _TYPED_PATH = re.compile(rf'((?:[{WORD_CHARACTER}]+|"[^"\n]*")\.)+(?=(?:[{WORD_CHARACTER}]*|"[^"\n]*)$)')
-_TYPED_NUMBER = re.compile(r"[0-9]$")
+_TYPED_NUMBER = re.compile(rf"(?<![{WORD_CHARACTER}])[0-9.]+$")
 #: So many formulas of a name that is defined on several ranges are shown.
 _MOST_FORMULAS = 4
 
@@ -43,11 +42,11 @@ class Target:
     line: int = 1
 
 
-def completions(reading: Reading, names: Mapping[str, Known], text: str, offset: int) -> list[Completion]:
+def completions(names: Mapping[str, Known], text: str, offset: int) -> list[Completion]:
     """What can be written at a place.
 
     Args:
-        reading: of this text or of a recent one; ``names`` likewise.
+        names: of this text or of a recent one.
         text: as it is now.
         offset: of the place in it.
     """
@@ -60,14 +59,14 @@ def completions(reading: Reading, names: Mapping[str, Known], text: str, offset:
         return list(_next_parts(names, path.group()))
     if outside.count('"') or _TYPED_NUMBER.search(line):
         return []
-    section = Reading(Source("", text), [], reading.tokens).section_at(offset)
+    section = section_at(text, offset)
     own = {known.name: known for known in names.values() if "." not in known.name}
     heads = sorted({name.partition(".")[0] for name in names if "." in name} - own.keys())
     return [
         *(Completion(known.name, known.kind, known.about) for known in own.values()),
         *(Completion(head, "path", f"`{head}.` of the model") for head in heads),
-        *(Completion(word, "section" if text.startswith("section") else "word", text)
-          for word, text in words_in(section).items() if word not in own and word not in heads),
+        *(Completion(word, "section" if meaning.startswith("section") else "word", meaning)
+          for word, meaning in words_in(section).items() if word not in own and word not in heads),
     ]  # fmt: skip
 
 
@@ -92,7 +91,7 @@ def hover(
     word, start, end = reading.word_at(offset)
     known = names.get(word) or _thing(names, word)
     if known is None:
-        if reading.section_at(offset) == "method":
+        if section_at(reading.source.text, offset) == "method":
             word = next((method for method in METHODS if word in method.split("-")), word)
         return (WORDS[word], start, end) if word in WORDS else None
     lines = [f"**{known.name}**, {known.kind}" if known.kind != "path" else f"**{known.name}**"]

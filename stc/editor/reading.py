@@ -70,12 +70,6 @@ class Reading:
         text = "".join(self.tokens.text(k) for k in range(first, last + 1))
         return text, *self.tokens.source.place(self.tokens.starts[first], self.tokens.ends[last])
 
-    def section_at(self, offset: int) -> str:
-        """The section that a character stands in; ``""`` before the first one."""
-        before = _COMMENT.sub("", self.source.text[:offset])
-        heads = _HEAD.findall(before)
-        return str(heads[-1]) if heads else ""
-
     def comment_at(self, offset: int) -> str:
         """The comment that ends the line of a character, without its ``#``."""
         line = self.source.line(self.source.position(offset)[0])
@@ -87,6 +81,12 @@ class Reading:
     def folder(self) -> Path:
         """Where the files that the spec names are looked up."""
         return Path(self.source.path).parent if self.source.path else Path()
+
+
+def section_at(text: str, offset: int) -> str:
+    """The section that a character of a text stands in; ``""`` before the first one."""
+    heads = _HEAD.findall(_COMMENT.sub("", text[:offset]))
+    return str(heads[-1]) if heads else ""
 
 
 def read(source: Source) -> Reading:

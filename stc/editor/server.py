@@ -185,7 +185,7 @@ async def _complete(params: lsp.CompletionParams) -> list[lsp.CompletionItem]:
         return []
     source = source_of(uri, server.workspace.get_text_document(uri).source)
     offset = server.offset(source, params.position)
-    return [_item(each) for each in completions(document.reading, document.names, source.text, offset)]
+    return [_item(each) for each in completions(document.names, source.text, offset)]
 
 
 def _item(found: Completion) -> lsp.CompletionItem:

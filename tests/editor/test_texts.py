@@ -53,7 +53,7 @@ def test_nothing_that_is_typed_is_too_much(path: Path) -> None:
         names = names_of(reading)
         for offset in (min(at, len(text)), len(text) // 2):
             hover(reading, names, offset, LastSolution())
-            completions(reading, names, text, offset)
+            completions(names, text, offset)
             targets(reading, names, offset)
         outline(reading, names)
         for one in reading.diagnostics:
@@ -61,6 +61,14 @@ def test_nothing_that_is_typed_is_too_much(path: Path) -> None:
             assert one.span is not None
             start, end = one.span.source.place(one.span.start, one.span.end)
             assert 0 <= start <= end <= len(text) + 1
+
+
+def test_a_number_is_not_completed_and_a_name_that_ends_in_one_is() -> None:
+    text = "constants: n = 5, q1 = 2.5;"
+    names = names_of(read(Source("text", text)))
+    assert "q1" in {one.word for one in completions(names, text, text.index("q1") + 2)}
+    assert completions(names, text, text.index("2.5") + 3) == []
+    assert completions(names, "# q1", 4) == []
 
 
 def test_every_word_of_the_language_has_a_meaning() -> None:
