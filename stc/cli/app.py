@@ -206,6 +206,28 @@ def sweep(
 
 
 @app.command()
+def dataset(
+    folder: Annotated[str, typer.Argument(metavar="FOLDER", help="The folder of a sweep.")],
+    output: Annotated[
+        str | None,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Where it goes; default FOLDER_dataset."),
+    ] = None,
+    time_step: Annotated[
+        float | None,
+        typer.Option(
+            "--time-step", metavar="SECONDS", help="Between instants, at most; default: the model's."
+        ),
+    ] = None,
+    unverified: Annotated[
+        bool, typer.Option("--unverified", help="Take motions, too, that no replay has passed.")
+    ] = False,
+    json: Json = False,
+) -> int:
+    """Write the motions of a sweep for learning: states, actions, contacts and verdicts, in Minari's layout."""
+    return sweeping.dataset(folder, output, time_step=time_step, unverified=unverified, as_json=json)
+
+
+@app.command()
 def compare(
     spec: Spec,
     optimizers: Optimizers = None,
@@ -353,7 +375,7 @@ def render(
 @app.command()
 def export(
     target: SpecOrSolution,
-    kind: Annotated[str, typer.Option("--format", metavar="FORMAT", help=exports.HELP)],
+    kind: Annotated[str | None, typer.Option("--format", metavar="FORMAT", help=exports.HELP)] = None,
     output: Annotated[
         str | None,
         typer.Option(
@@ -365,7 +387,7 @@ def export(
         typer.Option(
             "--rate",
             metavar="HZ",
-            help="Instants per second of tables (default: frames) and glTF (60, frames if more).",
+            help="Instants per second of tables and ros (default: frames), glTF and USD (60).",
         ),
     ] = None,
     time_step: Annotated[
@@ -381,7 +403,7 @@ def export(
     force: Force = False,
     json: Json = False,
 ) -> int:
-    """Write a motion for other programs: tables, MuJoCo keyframes and controls with gains, glTF."""
+    """Write a motion for other programs: tables, MuJoCo keyframes and controls with gains, glTF, USD, ROS."""
     options = solve_options(settings, method)
     return exports.export(
         target, kind, output, options, rate=rate, time_step=time_step, force=force, as_json=json

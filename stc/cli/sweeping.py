@@ -123,6 +123,36 @@ def _told(found: Sweep | None, name: str, folder: Path, why: str, as_json: bool)
     return GOOD if good else BAD
 
 
+def dataset(
+    folder: str, output: str | None, *, time_step: float | None, unverified: bool, as_json: bool
+) -> int:
+    """Write the motions of a sweep as a data set.
+
+    Raises:
+        UsageError: as :func:`stc.sweeps.dataset.dataset`.
+    """
+    from stc.sweeps.dataset import dataset as write
+
+    made = write(folder, output or f"{Path(folder).name}_dataset", time_step=time_step, unverified=unverified)
+    if as_json:
+        record.write(
+            {
+                "status": "ok",
+                "folder": str(made.folder),
+                "episodes": made.episodes,
+                "steps": made.steps,
+                "left_out": {str(index): why for index, why in made.left.items()},
+            }
+        )
+        return GOOD
+    for index, why in list(made.left.items())[:_MOST]:
+        console.note(f"point {index} is left out: {why}")
+    if len(made.left) > _MOST:
+        console.note(f"{len(made.left) - _MOST} more points are left out")
+    print(f"{made.folder} written: {len(made.episodes)} motions, {made.steps} steps")
+    return GOOD
+
+
 def axis(setting: str) -> tuple[str, list[float]]:
     """Read ``NAME=FIRST:LAST:COUNT``, ``NAME=VALUE,VALUE,...`` or ``NAME=VALUE``.
 

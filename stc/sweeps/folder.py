@@ -105,6 +105,23 @@ def motion_file(folder: Path, index: int) -> Path:
     return folder / "points" / f"{index}.npz"
 
 
+def points_of(path: Path) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
+    """What the folder of a sweep says is swept, and what each point that is done came to, by index.
+
+    Raises:
+        UsageError: it is no folder of a sweep, or a file in it cannot be read.
+    """
+    manifest = path / "sweep.json"
+    if not manifest.is_file():
+        raise UsageError(
+            f"{path} is no folder of a sweep", "`stc sweep SPEC --set NAME=VALUES -o FOLDER` makes one"
+        )
+    found = {
+        int(file.stem): _json(file) for file in (path / "points").glob("*.json") if file.stem.isdecimal()
+    }
+    return _json(manifest), found
+
+
 class Folder:
     """A folder that takes up a sweep, or already holds a part of it.
 
@@ -143,11 +160,7 @@ class Folder:
         Raises:
             UsageError: a file that cannot be read.
         """
-        found = {}
-        for file in (self.path / "points").glob("*.json"):
-            if file.stem.isdecimal() and int(file.stem) < len(grid):
-                found[int(file.stem)] = _json(file)
-        return found
+        return {index: facts for index, facts in points_of(self.path)[1].items() if index < len(grid)}
 
     def keep(self, found: Found) -> None:
         """Write what a point came to."""

@@ -10,6 +10,9 @@ import math
 from stc.errors import UsageError
 from stc.validate import limits
 
+#: Instants per second of an animation where no other number is asked for.
+USUAL_RATE = 60.0
+
 
 def intervals(duration: float, rate: float) -> int:
     """How many there are between instants at a rate, the last one perhaps shorter; rounding adds none."""
