@@ -10,7 +10,7 @@ import typer
 from typer.models import CommandInfo
 
 from stc import __version__
-from stc.cli import exports, jobs, perturbed, pictures, studies, sweeping
+from stc.cli import explaining, exports, jobs, perturbed, pictures, studies, sweeping
 from stc.cli import view as viewing
 from stc.cli.options import solve_options, writable_page
 from stc.cli.parameters import (
@@ -463,6 +463,22 @@ def schedule(
 ) -> int:
     """Write the contacts that were found under `free:` as ranges of frames, to be solved to full order."""
     return exports.schedule(target, output, solve_options(settings), force=force, as_json=json)
+
+
+@app.command("explain-motion")
+def explain_motion(
+    motion: Annotated[str, typer.Argument(metavar="MOTION", help="A recorded motion, .csv or .npz.")],
+    model: Annotated[str, typer.Option("--model", metavar="FILE", help="The MuJoCo model that moves.")],
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="The spec to write; default MOTION_explained.stc."
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Propose a short spec whose solution is close to a recorded motion: contacts, ends, and what it wants least of."""
+    return explaining.run(motion, model, output, as_json=json)
 
 
 @app.command()

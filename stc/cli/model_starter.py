@@ -14,7 +14,6 @@ from pathlib import Path
 from stc import pipeline
 from stc.bundled import with_text
 from stc.cli.model_files import find
-from stc.cli.stance import Spot, Stance
 from stc.deadline import spent
 from stc.errors import Source, StcError, UsageError
 from stc.language.model.scope import path_of, quoted
@@ -22,6 +21,7 @@ from stc.mechanism.mechanism import Mechanism
 from stc.mechanism.read import read_model
 from stc.mechanism.refusals import refusals, without
 from stc.records import dataclass
+from stc.stance import Spot, Stance
 
 #: Places of contact that are this much above the lowest one, in m, stand in the same pose; if legs may bend, these.
 _LEVEL, _NEAR = 1e-3, 0.1

@@ -104,9 +104,9 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
     if len(solution.x) != bound.n or len(solution.row_multipliers) != bound.m:
         raise UsageError("this solution is of another problem: it has other unknowns and rows")
     residuals, rows, cols, slopes = _residuals(transcription, terms, solution.x)
-    free = np.flatnonzero(~_held(solution.x, bound.x_lower, bound.x_upper, solution.bound_multipliers))
+    free = np.flatnonzero(~held(solution.x, bound.x_lower, bound.x_upper, solution.bound_multipliers))
     values = bound.values(solution.x)[1].copy()
-    active = np.flatnonzero(_held(values, bound.row_lower, bound.row_upper, solution.row_multipliers))
+    active = np.flatnonzero(held(values, bound.row_lower, bound.row_upper, solution.row_multipliers))
     count, freedom = len(residuals), len(residuals) - (len(free) - len(active))
     if freedom <= 0:
         unknown = count - freedom
@@ -158,7 +158,7 @@ def _is_known(e: Expr) -> bool:
     return all(isinstance(key, ConstantRef | CellRef) for key in symbols(e))
 
 
-def _held(
+def held(
     values: FloatArray, lower: FloatArray, upper: FloatArray, multipliers: FloatArray
 ) -> NDArray[np.bool_]:
     """What equal bounds, or a bound with a multiplier, do not let move."""

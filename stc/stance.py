@@ -99,7 +99,7 @@ class Stance:
         values = evaluate_all(list(bodies), known)
         return np.array([np.broadcast_to(np.asarray(value, float), q.shape[1:]) for value in values])
 
-    def _seen(self, q: Matrix, spots: Sequence[Spot]) -> tuple[Matrix, Matrix]:
+    def seen(self, q: Matrix, spots: Sequence[Spot]) -> tuple[Matrix, Matrix]:
         """(3, spots, k) the lowest places of spots in k poses, and (3, k) the centre of mass."""
         dynamics = self.scope.dynamics
         bodies = [
@@ -147,7 +147,7 @@ class Stance:
         """
         if not self.spots:
             return []
-        places, _ = self._seen(self.start[:, None], self.spots)
+        places, _ = self.seen(self.start[:, None], self.spots)
         heights = (self.up @ places[:, :, 0]).tolist()
         least: dict[int, float] = {}
         for spot, height in zip(self.spots, heights, strict=True):
@@ -169,7 +169,7 @@ class Stance:
         """Of the places of one body the three that span most: what a fourth one bears nothing determines."""
         if len(spots) < 4:
             return spots
-        places, _ = self._seen(self.start[:, None], spots)
+        places, _ = self.seen(self.start[:, None], spots)
 
         def spanned(three: tuple[int, ...]) -> float:
             a, b, c = places[:, three, 0].T
@@ -221,7 +221,7 @@ class Stance:
 
     def balances(self, spots: Sequence[Spot]) -> bool:
         """Whether the pose to look at stands on some places as it is."""
-        places, centre = self._seen(self.start[:, None], spots)
+        places, centre = self.seen(self.start[:, None], spots)
         heights = self.up @ places[:, :, 0]
         flat = self._flat(places[:, :, 0])
         return bool(np.ptp(heights) < 1e-3 and _encloses(flat, self._flat(centre)[:, 0]))
@@ -258,7 +258,7 @@ class Stance:
 
     def _off(self, q: Matrix, spots: Sequence[Spot]) -> Matrix:
         """(spots + 2, k) by how much places are not level and the centre of mass is not above their middle, in m."""
-        places, centre = self._seen(q, spots)
+        places, centre = self.seen(q, spots)
         heights = np.einsum("i,isk->sk", self.up, places)
         beside = self._flat(centre) - np.array([self._flat(p) for p in np.moveaxis(places, 1, 0)]).mean(
             axis=0
