@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -115,14 +116,12 @@ class Draft:
             for contact in self.touching:
                 words = comments.get(LANDING, "") if landing else ""
                 lines.append(_commented(f"  {contact.name} = {contact.spot.written}{landing};", words))
+            step = self.recording.duration / self.n
             for contact in self.touching:
-                for (first, last), (begin, end) in zip(contact.ranges, contact.times, strict=True):
+                for first, last in contact.ranges:
                     frames = f"[{self._frame(first)}, {self._frame(last)}]"
-                    lines.append(
-                        _commented(
-                            f"  {frames}: {contact.name};", f"it stands from {begin:.3g} to {end:.3g} s"
-                        )
-                    )
+                    words = f"it stands from {first * step:.3g} to {last * step:.3g} s"
+                    lines.append(_commented(f"  {frames}: {contact.name};", words))
         if self.poses:
             lines += ["", "poses:", *(_commented(f"  {line}", words) for line, words in self.poses)]
         lines += ["", "constraints:"]
@@ -146,6 +145,23 @@ class Draft:
                 _commented(f"    integral({follow}*({distance}));", "distance from the recorded motion")
             )
         return "\n".join(lines) + "\n"
+
+    def boundaries(self) -> list[int]:
+        """The frames within the motion at which something lands or takes off."""
+        frames = {frame for contact in self.touching for span in contact.ranges for frame in span}
+        return sorted(frames - {0, self.n})
+
+    def shifted(self, frame: int, by: int) -> list[list[tuple[int, int]]] | None:
+        """The ranges of all contacts with what happens at a frame some frames later; None where that is impossible."""
+
+        def moved(at: int) -> int:
+            return at + by if at == frame else at
+
+        found = [[(moved(first), moved(last)) for first, last in one.ranges] for one in self.touching]
+        frames = [frame for spans in found for span in spans for frame in span]
+        sound = all(b - a >= 2 for spans in found for a, b in spans)
+        sound &= all(c - b >= 2 for spans in found for (_, b), (c, _) in pairwise(spans))
+        return found if sound and min(frames) >= 0 and max(frames) <= self.n else None
 
     def _frame(self, frame: int) -> str:
         """A frame as a share of all, which it stays on as many more of them."""
@@ -174,7 +190,7 @@ def draft(recording: Recording, name: str, model: Path, folder: Path) -> Draft:
     touching = contacts(recording, n)
     lands = any(first > 0 for contact in touching for first, _ in contact.ranges)
     bundled = models.locate(model.name)
-    own = bundled is None or not bundled.samefile(model)
+    own = bundled is None or not model.exists() or not bundled.samefile(model)
     written = os.path.relpath(model, folder) if own else model.name
     made = Draft(recording, name, Path(written).as_posix(), n, touching, terms_of(recording, lands))
     _Ends(made).find()
@@ -193,10 +209,9 @@ class _Ends:
         inner = self.recording.velocities(np.linspace(0.0, self.recording.duration, 201))
         straight = self._straight()
         most = np.array([np.abs(inner[:, straight == kind]).max(initial=0.0) for kind in straight])
-        self.still = np.abs(self.speeds) <= STILL * np.maximum(most, 1e-9)
-        self.digits = int(
-            np.clip(math.floor(-math.log10(max(1e-9, float(self.recording.noise.max())))), 2, 6)
-        )
+        unsure = NOISE * self.recording.unsure_speeds()
+        self.still = np.abs(self.speeds) <= np.maximum(STILL * np.maximum(most, 1e-9), unsure)
+        self.digits = int(np.clip(math.ceil(-math.log10(max(1e-9, float(self.recording.noise.max())))), 2, 6))
         self.travel = _travel(self.mechanism)
 
     def _straight(self) -> NDArray[np.bool_]:

@@ -61,6 +61,26 @@ class Recording:
         self._curves = [curve for curve, _ in fitted]
         self.noise = np.array([noise for _, noise in fitted])
 
+    def unsure_speeds(self) -> FloatArray:
+        """(2, nv) the standard deviations that noise gives the velocities at both ends."""
+        from scipy.interpolate import BSpline
+
+        rates = np.zeros((2, len(self._curves)))
+        for k, curve in enumerate(self._curves):
+            matrix = BSpline.design_matrix(self.time, curve.t, DEGREE).toarray()
+            units = np.eye(matrix.shape[1])
+            slopes = BSpline(curve.t, units, DEGREE)(self.time[[0, -1]], nu=1)
+            spread = np.linalg.solve(matrix.T @ matrix, slopes.T)
+            rates[:, k] = self.noise[k] * np.sqrt(np.einsum("ek,ke->e", slopes, spread))
+        columns = []
+        for one in self.coordinates:
+            first = one.joint.qpos
+            columns += [rates[:, first + k] for k in range(len(one.positions))]
+            if one.rotation is not None:
+                place = first + len(one.positions)
+                columns += 3 * [2.0 * rates[:, place : place + 4].max(axis=1)]
+        return np.stack(columns, axis=1)
+
     @property
     def duration(self) -> float:
         """Seconds from the first to the last row."""

@@ -2,7 +2,7 @@
 
 A place stands where it is low and slow, and has left where it is higher by several times: the two thresholds differ
 (hysteresis, as in a Schmitt trigger), so that what trembles about one of them does not come and go.  When it came and
-when it left, its height tells, which changes there at once.
+when it left is told by how far it is from where it stands.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ FloatArray = NDArray[np.float64]
 LOW, LOW_SHARE, HIGHER = 4e-3, 0.04, 2.5
 #: It rests below this speed, in m/s and as a share of its largest one.
 SLOW, SLOW_SHARE = 0.1, 0.08
-#: So much higher than where it rests, in m, it has left.
-FINEST = 1e-3
+#: So far from where it rests, in m, it has certainly left; and how many times farther it is looked at again.
+FINEST, APART = 1e-3, 3.0
 #: Instants per frame at which a motion is looked at.
 FINE = 4
 #: Frames that a stance and a flight last at least.
@@ -47,14 +47,11 @@ class Contact:
         Where it is.
     ranges
         First and last frame of each stance.
-    times
-        The same in seconds, as they were found.
     """
 
     name: str
     spot: Spot
     ranges: list[tuple[int, int]]
-    times: list[tuple[float, float]]
 
 
 def contacts(recording: Recording, n: int) -> list[Contact]:
@@ -85,62 +82,98 @@ def contacts(recording: Recording, n: int) -> list[Contact]:
     rates = np.gradient(places, times, axis=2)
     speeds = np.linalg.norm(rates, axis=0)
     found: dict[str, Contact] = {}
-    for spot, height, speed in zip(stance.spots, heights - ground, speeds, strict=True):
+    for index, spot in enumerate(stance.spots):
+        path, height, speed = places[:, index], heights[index] - ground, speeds[index]
         low = max(LOW, LOW_SHARE * float(np.ptp(height)))
         slow = max(SLOW, SLOW_SHARE * float(speed.max()))
-        stands = _held((height < low) & (speed < slow), height < HIGHER * low, height)
-        stretches = _stretches(stands, SHORTEST * FINE)
-        if stretches and spot.written not in found:
-            spans = [(float(times[first]), float(times[last])) for first, last in stretches]
+        near = height < HIGHER * low
+        rests = near & (height < low) & (speed < slow)
+        spans = _joined(_spans(times, path, rests, near), recording.duration / n, recording.duration)
+        if spans and spot.written not in found:
             frames = [
                 (round(a / recording.duration * n), round(b / recording.duration * n)) for a, b in spans
             ]
-            found[spot.written] = Contact(_name(spot, len(found) + 1), spot, frames, spans)
+            found[spot.written] = Contact(_name(spot, len(found) + 1), spot, frames)
     return _unlike(list(found.values()))
 
 
-def _held(rests: NDArray[np.bool_], near: NDArray[np.bool_], height: FloatArray) -> NDArray[np.bool_]:
-    """True where a place stands: about the instants at which it rests, as long as it is no higher than there.
+def _spans(
+    times: FloatArray, path: FloatArray, rests: NDArray[np.bool_], near: NDArray[np.bool_]
+) -> list[tuple[float, float]]:
+    """From when to when a place stands: about the instants at which it rests, until it has left from there.
 
     Parameters
     ----------
+    times
+        (k,) s.
+    path
+        (3, k) where the place is, in m.
     rests
         (k,) where it is low and slow.
     near
         (k,) where it is not yet high: rests within one such stretch are one stance.
-    height
-        (k,) in m.
     """
-    found = np.zeros(len(rests), bool)
+    found = []
     for first, end in stretches_of(near):
         inside = first + np.flatnonzero(rests[first:end])
         if inside.size:
-            level = float(np.median(height[inside]))
-            spread = float(np.median(np.abs(height[inside] - level)))
-            # What lands is fast until it touches, and what leaves is slow at first: its height tells when.
-            low = height < level + max(FINEST, 4.0 * spread)
-            begin, last = int(inside[0]), int(inside[-1])
-            while begin > first and low[begin - 1]:
-                begin -= 1
-            while begin < last and not low[begin]:
-                begin += 1
-            while last + 1 < end and low[last + 1]:
-                last += 1
-            while last > begin and not low[last]:
-                last -= 1
-            found[begin : last + 1] = True
+            gone = np.linalg.norm(path - np.median(path[:, inside], axis=1)[:, None], axis=0)
+            unsure = max(FINEST, 4.0 * float(np.median(gone[inside])))
+            middle = int(inside[len(inside) // 2])
+            begin = _left(times[::-1], gone[::-1], len(times) - 1 - middle, unsure)
+            last = _left(times, gone, middle, unsure)
+            found.append((begin, last))
     return found
 
 
-def _stretches(stands: NDArray[np.bool_], shortest: int) -> list[tuple[int, int]]:
-    """First and last instant of each stance, without gaps that are too short to be flights, and short touches."""
-    joined: list[tuple[int, int]] = []
-    for first, end in stretches_of(stands):
-        if joined and first - joined[-1][1] < shortest:
-            joined[-1] = joined[-1][0], end - 1
+def _left(times: FloatArray, gone: FloatArray, rests: int, unsure: float) -> float:
+    """When a place leaves from where it rests at an instant; the times may run backwards.
+
+    Parameters
+    ----------
+    times
+        (k,) s.
+    gone
+        (k,) how far it is from there, in m.
+    rests
+        The instant.
+    unsure
+        The distance from which on it is certain to have left.
+
+    It leaves slowly at first, or at once: by some power of the time since.  Of any such power the times at which it is
+    away by certain distances, each several times the last one, are a geometric progression, whose limit is wanted.
+    """
+    at = []
+    for power in range(3):
+        beyond = np.flatnonzero(gone[rests:] > unsure * APART**power)
+        if not beyond.size:
+            break
+        k = rests + int(beyond[0])
+        share = (unsure * APART**power - gone[k - 1]) / (gone[k] - gone[k - 1])
+        at.append(float(times[k - 1] + share * (times[k] - times[k - 1])))
+    if not at:
+        return float(times[-1])
+    bend = at[0] + at[-1] - 2.0 * at[1] if len(at) == 3 else 0.0
+    limit = (at[0] * at[2] - at[1] ** 2) / bend if bend else at[0]
+    if len(at) < 3:
+        return at[0]
+    ends = sorted((2.0 * at[0] - at[1], at[0]))
+    return min(max(limit, ends[0]), ends[1])
+
+
+def _joined(spans: list[tuple[float, float]], step: float, whole: float) -> list[tuple[float, float]]:
+    """Stances without gaps that are too short to be flights, and without touches that are too short to be stances."""
+    joined: list[tuple[float, float]] = []
+    for begin, end in spans:
+        if joined and begin - joined[-1][1] < SHORTEST * step:
+            joined[-1] = joined[-1][0], end
         else:
-            joined.append((first, end - 1))
-    return [(first, last) for first, last in joined if last - first >= shortest]
+            joined.append((begin, end))
+    # At both ends of a motion noise is worst, and nothing tells of so short a flight.
+    joined = [
+        (0.0 if a < SHORTEST * step else a, whole if whole - b < SHORTEST * step else b) for a, b in joined
+    ]
+    return [(begin, end) for begin, end in joined if end - begin >= SHORTEST * step]
 
 
 def _name(spot: Spot, number: int) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from stc.language.model.scope import coordinates_of, path_of
 from stc.mechanism.mechanism import Mechanism
 from stc.records import dataclass
@@ -14,6 +16,10 @@ if TYPE_CHECKING:
 
 __all__ = ["LANDING", "Term", "terms_of"]
 
+#: A body that turns by less than this, in rad, does not lean.
+LEANING = 0.1
+#: Which of a joint's coordinates turn it.
+_TURNING = {"free": (3, 7), "ball": (0, 4), "hinge": (0, 1)}
 #: The speed of touchdown is an option of contacts, and no integral.
 LANDING = "landing"
 
@@ -61,7 +67,7 @@ def _terms(recording: Recording, lands: bool) -> Iterator[Term]:
     centre = " + ".join(f"com.v{axis}'^2" for axis in "xyz")
     yield Term("centre", "squared acceleration of the centre of mass", centre)
     trunk = _trunk(mechanism)
-    if trunk:
+    if trunk and _leans(recording):
         yield Term("upright", f"leaning of {trunk} from upright", f"1 - {path_of('body', trunk)}.zaxis.z")
     pose = _pose(recording)
     if pose:
@@ -79,6 +85,15 @@ def _trunk(mechanism: Mechanism) -> str:
         if body.parent == 0 and joint.kind == "hinge" and len(body.joints) > 1:
             return body.name
     return ""
+
+
+def _leans(recording: Recording) -> bool:
+    """Whether the root leans visibly: of a motion that does not, any weight of leaning makes an optimum."""
+    for joint in recording.mechanism.joints:
+        if recording.mechanism.bodies[joint.body].parent == 0 and joint.kind != "slide":
+            turning = recording.positions[:, joint.qpos :][:, slice(*_TURNING[joint.kind])]
+            return bool(np.ptp(turning, axis=0).max() > LEANING)
+    return False
 
 
 def _pose(recording: Recording) -> str:

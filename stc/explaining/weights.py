@@ -3,11 +3,11 @@
 First those that leave least of the stationarity condition at the motion itself (Puydupin-Jamin, Johnson & Bretl 2012;
 Englert, Vien & Toussaint 2017): with the gradients g_k of the terms and A of what is active of the rows,
 
-    minimise  | sum_k w_k g_k + A^T y |^2   over y,   w >= 0,   sum_k w_k = 1.
+    minimise  | sum_k w_k g_k + A^T y |   over y,   w >= 0,   sum_k w_k = 1,
 
-That asks for no solve, but noise in the motion is in its residual as well.  So the weights are then improved by the
-distance of their own optimal motion from the recorded one (Mombaur, Truong & Laumond 2010), here by Gauss-Newton: an
-optimum moves with the weights by
+in a norm that says how far the residual would move the motion.  That asks for no solve, but noise in the motion is in
+its residual as well.  So the weights are then improved by the distance of their own optimal motion from the recorded
+one (Mombaur, Truong & Laumond 2010), here by Gauss-Newton: an optimum moves with the weights by
 
     | H  A^T | | dx |       | g_k |
     | A   0  | | dy |  =  - |  0  |  dw_k
@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.explaining.tangent import Tangent
 from stc.pipeline import Model
 from stc.records import dataclass
 from stc.solution import Solution
-from stc.studies.uncertainty import held
 
 __all__ = ["Inverse", "Weighing"]
 
@@ -42,10 +42,8 @@ ITERATIONS = 200
 LEAST = 1e-9
 #: A share below this is none.
 NONE = 1e-3
-#: Of the Hessian's diagonal and of the rows: what keeps the system regular where unknowns or rows are idle.
-REGULAR = 1e-9
 #: By how much a motion may become worse by leaving out a term, as a share of its distance; or this distance itself.
-WORSE, CLOSE = 0.05, 1e-4
+WORSE, CLOSE = 0.05, 5e-4
 
 
 @dataclass(slots=True)
@@ -102,9 +100,9 @@ class Inverse:
         self._places = np.concatenate([slots[name, 0] for name in names])
 
     def constants_of(self, shares: FloatArray) -> dict[str, float]:
-        """The constants of some shares, the largest one's term being weighed by 1."""
+        """The constants of some shares, the first term that has one being weighed by 1."""
         weights = shares / self.values
-        return dict(zip(self.constants, (weights / weights[np.argmax(shares)]).tolist(), strict=True))
+        return dict(zip(self.constants, (weights / weights[np.argmax(shares > 0.0)]).tolist(), strict=True))
 
     def _given(self, shares: FloatArray) -> dict[str, float]:
         return dict(zip(self.constants, (shares / self.values).tolist(), strict=True))
@@ -128,28 +126,32 @@ class Inverse:
     def by_stationarity(self) -> tuple[FloatArray, float]:
         """The shares under which the motion that follows the recorded one is nearest to stationary.
 
+        The residual is measured by where it would move the motion: by the step of Newton's method on which it leads,
+        as far as that is seen in the coordinates.  What shakes the controls and hardly moves the body counts little.
+
         Returns
         -------
         FloatArray, float
-            The shares, and what is left of the gradient: 0 for an optimum, at most 1.
+            The shares, and how much of the gradient no multipliers make up for: 0 for an optimum, 1 at most.
         """
-        solution = self.follow
-        gradients = self._gradients(solution.x)
-        bound = self._bound(np.zeros(len(self.constants)))
-        _, jacobian, _ = bound.derivatives(solution.x, np.zeros(bound.m), 1.0)
-        free, active = self._active(bound, solution)
+        x, count = self.follow.x, len(self.constants)
+        gradients = self._gradients(x)
+        shares = np.full(count, 1.0 / count)
+        for _ in range(3):
+            # Newton's matrix depends on the weights a little.
+            mixed = 0.9 * shares + 0.1 / count
+            tangent = self._tangent(mixed, self.follow)
+            multipliers, _ = tangent.balanced(gradients @ mixed)
+            moves = tangent.moves(multipliers, gradients)[self._places]
+            shares = _least(moves, np.zeros(len(moves)))
+        left = tangent.balanced(gradients @ shares)[1]
+        whole = float(np.linalg.norm(tangent.scaled(gradients @ shares)))
+        return shares, float(np.linalg.norm(left)) / max(whole, 1e-300)
+
+    def _tangent(self, shares: FloatArray, solution: Solution) -> Tangent:
         sizes = self._sizes(solution.x)
-        matrix = self._rows(bound, jacobian, free, active, sizes)
-        columns = (sizes[:, None] * gradients)[free]
-        lengths = np.linalg.norm(columns, axis=0)
-        # By the lengths of gradients: else a term counts as optimal that hardly changes with the motion.
-        scaled = columns / np.where(lengths > 0.0, lengths, 1.0)
-        left = _beside(matrix, scaled)
-        shares = _least(left, np.zeros(len(left))) / np.where(lengths > 0.0, lengths, np.inf)
-        shares /= max(float(shares.sum()), 1e-300)
-        whole = float(np.linalg.norm(columns @ shares))
-        left = left * lengths
-        return shares, float(np.linalg.norm(left @ shares)) / whole if whole else 0.0
+        multipliers = solution.row_multipliers, solution.bound_multipliers
+        return Tangent(self._bound(shares), solution.x, multipliers, sizes)
 
     def _sizes(self, x: FloatArray) -> FloatArray:
         """(unknowns,) what each unknown is of the order of, so that residuals in different units can be added."""
@@ -158,24 +160,6 @@ class Inverse:
             places = np.concatenate([before, after, middle])
             sizes[places] = max(float(np.sqrt(np.mean(x[places] ** 2))), 1e-6)
         return sizes
-
-    def _active(self, bound: Any, solution: Solution) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The unknowns that no bound holds, and the rows that hold."""
-        x = solution.x
-        free = np.flatnonzero(~held(x, bound.x_lower, bound.x_upper, solution.bound_multipliers))
-        values = bound.values(x)[1].copy()
-        return free, np.flatnonzero(held(values, bound.row_lower, bound.row_upper, solution.row_multipliers))
-
-    @staticmethod
-    def _rows(
-        bound: Any, jacobian: FloatArray, free: NDArray[np.intp], active: NDArray[np.intp], sizes: FloatArray
-    ) -> Any:
-        from scipy.sparse import coo_array, diags_array
-
-        whole = coo_array((jacobian, (bound.jac_rows, bound.jac_cols)), (bound.m, bound.n)).tocsr()
-        rows = (whole[active] @ diags_array(sizes)).tocsc()[:, free]
-        norms = np.sqrt(np.asarray((rows * rows).sum(axis=1)).reshape(-1))
-        return (diags_array(1.0 / np.where(norms > 0.0, norms, 1.0)) @ rows).tocsc()
 
     # ------------------------------------------------------------------ distance
 
@@ -284,43 +268,9 @@ class Inverse:
 
     def _slopes(self, best: Weighing) -> FloatArray:
         """(coordinates, k) how the optimal motion changes with the shares."""
-        from scipy.sparse import block_array, coo_array, diags_array
-        from scipy.sparse.linalg import splu
-
         solution = best.solution
-        gradients = self._gradients(solution.x)
-        bound = self._bound(best.shares)
-        _, jacobian, hessian = bound.derivatives(solution.x, solution.row_multipliers, 1.0)
-        jacobian, hessian = jacobian.copy(), hessian.copy()
-        free, active = self._active(bound, solution)
-        sizes = self._sizes(solution.x)
-        rows = self._rows(bound, jacobian, free, active, sizes)
-        lower = coo_array((hessian, (bound.hess_rows, bound.hess_cols)), (bound.n, bound.n)).tocsc()
-        scaled = diags_array(sizes) @ lower @ diags_array(sizes)
-        whole = (scaled + scaled.T - diags_array(scaled.diagonal())).tocsc()[free][:, free]
-        typical = float(np.median(np.abs(whole.diagonal()))) or 1.0
-        system = block_array(
-            [
-                [whole + diags_array(np.full(len(free), REGULAR * typical)), rows.T],
-                [rows, diags_array(np.full(len(active), -REGULAR / typical))],
-            ]
-        ).tocsc()
-        right = np.vstack([-(sizes[:, None] * gradients)[free], np.zeros((len(active), gradients.shape[1]))])
-        moves = np.zeros((len(solution.x), gradients.shape[1]))
-        moves[free] = sizes[free, None] * splu(system).solve(right)[: len(free)]
-        return moves[self._places]
-
-
-def _beside(rows: Any, columns: FloatArray) -> FloatArray:
-    """What of some columns (n, k) no combination of the rows (m, n) can make up for."""
-    from scipy.sparse import block_array, diags_array
-    from scipy.sparse.linalg import splu
-
-    count, size = rows.shape
-    system = block_array(
-        [[diags_array(np.ones(size)), rows.T], [rows, diags_array(np.full(count, -REGULAR))]]
-    ).tocsc()
-    return splu(system).solve(np.vstack([columns, np.zeros((count, columns.shape[1]))]))[:size]
+        tangent = self._tangent(best.shares, solution)
+        return tangent.moves(solution.row_multipliers, self._gradients(solution.x))[self._places]
 
 
 def _least(columns: FloatArray, right: FloatArray) -> FloatArray:
