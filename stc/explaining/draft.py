@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -145,23 +144,6 @@ class Draft:
                 _commented(f"    integral({follow}*({distance}));", "distance from the recorded motion")
             )
         return "\n".join(lines) + "\n"
-
-    def boundaries(self) -> list[int]:
-        """The frames within the motion at which something lands or takes off."""
-        frames = {frame for contact in self.touching for span in contact.ranges for frame in span}
-        return sorted(frames - {0, self.n})
-
-    def shifted(self, frame: int, by: int) -> list[list[tuple[int, int]]] | None:
-        """The ranges of all contacts with what happens at a frame some frames later; None where that is impossible."""
-
-        def moved(at: int) -> int:
-            return at + by if at == frame else at
-
-        found = [[(moved(first), moved(last)) for first, last in one.ranges] for one in self.touching]
-        frames = [frame for spans in found for span in spans for frame in span]
-        sound = all(b - a >= 2 for spans in found for a, b in spans)
-        sound &= all(c - b >= 2 for spans in found for (_, b), (c, _) in pairwise(spans))
-        return found if sound and min(frames) >= 0 and max(frames) <= self.n else None
 
     def _frame(self, frame: int) -> str:
         """A frame as a share of all, which it stays on as many more of them."""

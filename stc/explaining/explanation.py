@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,11 +32,6 @@ UNEXPLAINED = 0.1
 #: Weights of the effort beside the distance of a motion that follows the recorded one, one after the other.
 _LITTLE = (1e-3, 1e-5, 1e-7)
 _ITERATIONS = 500
-#: The same while frames are looked for at which things land and take off; of so many, each by so many frames at most,
-#: where the motion is followed better by this share.
-_TIMING, _MOST_TIMED, _FARTHEST, _BETTER = 1e-4, 8, 3, 0.01
-#: Iterations that such a solve may take: where what is stated fits the motion it takes few.
-_FEW = 150
 #: Two motions nearer than this share of the motion's distance from the recorded one are the same.
 _ALIKE = 0.2
 
@@ -161,7 +155,6 @@ class _Explaining:
         made = self.made
         self.tell("follows the recorded motion")
         wanted = {term.name: f"w_{term.name}" for term in made.terms}
-        self._time(wanted)
         model = self._candidate(wanted)
         follow = self._followed(model, wanted)
         inverse = Inverse(model, list(wanted.values()), self.recording.names, self.target, follow)
@@ -187,43 +180,6 @@ class _Explaining:
         """The spec with all terms, each weighed by a constant, and the distance from the recorded motion."""
         constants = [(f"{weight} = 0", "") for weight in [FOLLOW, *wanted.values()]]
         return self._model(self.made.text(wanted, constants=constants, table=f"{TABLE}.csv", follow=FOLLOW))
-
-    def _time(self, wanted: Mapping[str, str]) -> None:
-        """Move what lands and takes off by single frames, as long as the recorded motion is followed better."""
-        made = self.made
-
-        def cost() -> float:
-            quiet = wanted["effort" if "effort" in wanted else "acceleration"]
-            try:
-                given = {FOLLOW: 1.0, quiet: _TIMING}
-                found = self._candidate(wanted).solve(max_iterations=_FEW, constants=given)
-            except StcError:
-                return math.inf
-            return float(found.objective) if found.status == "optimal" else math.inf
-
-        boundaries = made.boundaries()
-        if not boundaries or len(boundaries) > _MOST_TIMED:
-            return
-        best = cost()
-        for boundary in boundaries:
-            for way in (-1, 1):
-                frame = boundary
-                for _ in range(_FARTHEST):
-                    before, ranges = [c.ranges for c in made.touching], made.shifted(frame, way)
-                    if ranges is None:
-                        break
-                    self._put(ranges)
-                    trial = cost()
-                    if not trial < (1.0 - _BETTER) * best:
-                        self._put(before)
-                        break
-                    best, frame = trial, frame + way
-                if frame != boundary:
-                    break
-
-    def _put(self, ranges: list[list[tuple[int, int]]]) -> None:
-        for contact, spans in zip(self.made.touching, ranges, strict=True):
-            contact.ranges = spans
 
     def _followed(self, model: Model, wanted: Mapping[str, str]) -> Solution:
         """The motion of the model nearest to the recorded one, with what the proposal states."""

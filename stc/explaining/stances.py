@@ -83,7 +83,9 @@ def contacts(recording: Recording, n: int) -> list[Contact]:
     speeds = np.linalg.norm(rates, axis=0)
     found: dict[str, Contact] = {}
     for index, spot in enumerate(stance.spots):
-        path, height, speed = places[:, index], heights[index] - ground, speeds[index]
+        height, speed = heights[index] - ground, speeds[index]
+        # The lowest place of what rolls goes along the floor while it stands: its height alone tells.
+        path = height[None] if spot.radius else places[:, index]
         low = max(LOW, LOW_SHARE * float(np.ptp(height)))
         slow = max(SLOW, SLOW_SHARE * float(speed.max()))
         near = height < HIGHER * low
@@ -107,7 +109,7 @@ def _spans(
     times
         (k,) s.
     path
-        (3, k) where the place is, in m.
+        (3, k) where the place is, in m; or (1, k) its height.
     rests
         (k,) where it is low and slow.
     near
