@@ -31,7 +31,9 @@ FloatArray = NDArray[np.float64]
 UNEXPLAINED = 0.1
 #: Weights of the effort beside the distance of a motion that follows the recorded one, one after the other.
 _LITTLE = (1e-3, 1e-5, 1e-7)
-_ITERATIONS = 500
+_ITERATIONS, _FEW = 500, 100
+#: A motion of the model that is this near to the recorded one, in rad and m, follows it.
+_NEAR = 2e-4
 #: Two motions nearer than this share of the motion's distance from the recorded one are the same.
 _ALIKE = 0.2
 
@@ -188,8 +190,9 @@ class _Explaining:
         for little in _LITTLE:
             # From coarse to fine: what is hardly weighed at all takes long from afar.
             try:
+                most = _ITERATIONS if found is None else _FEW
                 trial = model.solve(
-                    max_iterations=_ITERATIONS, warm_start=found, constants={FOLLOW: 1.0, quiet: little}
+                    max_iterations=most, warm_start=found, constants={FOLLOW: 1.0, quiet: little}
                 )
             except SpecError as error:
                 first = error.diagnostics[0].message
@@ -197,6 +200,8 @@ class _Explaining:
             if trial.status != "optimal":
                 break
             found = trial
+            if self._distance(found) < max(_NEAR, self._noise):
+                break
         if found is None:
             raise UsageError(
                 f"no motion of the model was found that follows the recorded one: {trial.status}",
@@ -223,6 +228,10 @@ class _Explaining:
 
     def _on_round(self, distance: float) -> None:
         self.tell(f"looks for weights: {distance:.2g} rad (m) RMS from the recorded motion")
+
+    @property
+    def _noise(self) -> float:
+        return float(np.sqrt(np.mean(self.recording.noise**2)))
 
     def _places(self, solution: Solution) -> FloatArray:
         """(nq, n+1) a motion at the frames of the draft."""
@@ -350,7 +359,7 @@ class _Explaining:
             self._explained(solution),
             _rms(gaps[~base]),
             _rms(gaps[base]),
-            float(np.sqrt(np.mean(self.recording.noise**2))),
+            self._noise,
             self._distance(follow),
             {contact.name: contact.ranges for contact in self.made.touching},
             notes,
