@@ -138,41 +138,55 @@ def explain(
     recording = read_recording(Path(motion), mechanism)
     made = draft(recording, name, Path(model), Path(folder))
     with TemporaryDirectory(prefix="stc-explain-") as place:
-        return _Explaining(made, Path(model).resolve(), Path(place), tell).explanation(Path(motion).name)
+        stages = _Explaining(made, Path(motion).name, Path(model).resolve(), Path(place), tell)
+        return stages.explanation()
 
 
 class _Explaining:
-    """The stages, in a folder of their own."""
+    """The stages, in a folder of their own.
 
-    def __init__(self, made: Draft, model: Path, place: Path, tell: Callable[[str], None]) -> None:
+    Attributes
+    ----------
+    follow
+        The motion of the model that follows the recorded one, once it is known.
+    stationarity
+        What is left of the gradient there.
+    """
+
+    follow: Solution
+    stationarity: float
+
+    def __init__(
+        self, made: Draft, motion: str, model: Path, place: Path, tell: Callable[[str], None]
+    ) -> None:
         self.made, self.recording, self.place, self.tell = made, made.recording, place, tell
+        self.motion = motion
         self.written, made.model = made.model, model.as_posix()
         times = np.linspace(0.0, self.recording.duration, made.n + 1)
         self.target = self.recording.at(times).T
         self.table = _table(self.recording, made.n)
         (place / f"{TABLE}.csv").write_text(self.table, encoding="utf-8")
 
-    def explanation(self, motion: str) -> Explanation:
+    def explanation(self) -> Explanation:
         """All of it."""
         made = self.made
         self.tell("follows the recorded motion")
         wanted = {term.name: f"w_{term.name}" for term in made.terms}
         model = self._candidate(wanted)
-        follow = self._followed(model, wanted)
-        inverse = Inverse(model, list(wanted.values()), self.recording.names, self.target, follow)
+        self.follow = self._followed(model, wanted)
+        inverse = Inverse(model, list(wanted.values()), self.recording.names, self.target, self.follow)
         self.tell("looks for weights: stationarity")
-        shares, stationarity = inverse.by_stationarity()
+        shares, self.stationarity = inverse.by_stationarity()
         self.tell("looks for weights: distance")
         weighed = self._weighed(inverse, shares)
-        notes: list[str] = []
         if weighed is not None:
             self.tell("leaves out terms")
             weighed = inverse.shortened(weighed)
         explained = 0.0 if weighed is None else self._explained(weighed.solution)
         if weighed is None or explained < 1.0 - UNEXPLAINED:
-            return self._unexplained(motion, weighed, follow, stationarity, explained, notes)
+            return self._unexplained(weighed, explained)
         self.tell("solves the spec")
-        return self._explanation(motion, inverse, weighed, follow, stationarity, notes)
+        return self._explanation(inverse, weighed)
 
     def _model(self, text: str) -> Model:
         path = str(self.place / f"{self.made.name}.stc")
@@ -246,15 +260,7 @@ class _Explaining:
         way = float(np.sum((self.target - straight) ** 2))
         return 1.0 - float(np.sum((self._places(solution) - self.target) ** 2)) / max(way, 1e-300)
 
-    def _explanation(
-        self,
-        motion: str,
-        inverse: Inverse,
-        weighed: Weighing,
-        follow: Solution,
-        stationarity: float,
-        notes: list[str],
-    ) -> Explanation:
+    def _explanation(self, inverse: Inverse, weighed: Weighing) -> Explanation:
         """The spec with the terms that have a weight, solved as it stands."""
         kept = [
             (term, float(share)) for term, share in zip(self.made.terms, weighed.shares, strict=True) if share
@@ -264,7 +270,7 @@ class _Explaining:
         shares = {term.name: share for term, share in kept}
         comments = {term.name: f"{_percent(share)}: {term.words}" for term, share in kept}
         head = [
-            f"{self.made.name}: explains {motion}.  Written by `stc explain-motion`; every line may be changed.",
+            f"{self.made.name}: explains {self.motion}.  Written by `stc explain-motion`; every line may be changed.",
             "",
             "The objective has the terms under which the recorded motion is nearly optimal, each with its share.",
         ]
@@ -278,38 +284,31 @@ class _Explaining:
                 continue
             if scale == 1 and not self._verified(solution):
                 continue
-            return self._made(text, table, solution, shares, stationarity, follow, notes)
+            return self._made(text, table, solution, shares)
         # The last resort is the motion that was found, on frames that are too coarse for MuJoCo perhaps.
         text = self.made.text(weights, head=head, comments=comments, table=f"{TABLE}.csv")
         solution = self._solved(text) or weighed.solution
-        return self._made(text, f"{TABLE}.csv", solution, shares, stationarity, follow, notes)
+        return self._made(text, f"{TABLE}.csv", solution, shares)
 
-    def _unexplained(
-        self,
-        motion: str,
-        weighed: Weighing | None,
-        follow: Solution,
-        stationarity: float,
-        explained: float,
-        notes: list[str],
-    ) -> Explanation:
+    def _unexplained(self, weighed: Weighing | None, explained: float) -> Explanation:
         """A spec that follows the recording, for a motion that no term explains."""
         named = ", ".join(term.name for term in self.made.terms)
-        notes.append(
+        note = (
             f"no weights of {named} lead to this motion: "
             + ("none was solved" if weighed is None else f"the best explain {_percent(explained)} of its way")
             + ".  The spec follows the recording instead"
         )
         effort = "effort" if any(term.name == "effort" for term in self.made.terms) else "acceleration"
         head = [
-            f"{self.made.name}: follows {motion}.  Written by `stc explain-motion`; every line may be changed.",
+            f"{self.made.name}: follows {self.motion}.  Written by `stc explain-motion`; every line may be changed.",
             "",
             "No weights of the terms that were tried explain this motion, so that the objective is its distance from",
             "the recorded one.",
         ]
         text = self.made.text({effort: f"{_LITTLE[1]:g}"}, head=head, table=f"{TABLE}.csv", follow="1")
-        solution = self._solved(text) or follow
-        made = self._made(text, f"{TABLE}.csv", solution, {}, stationarity, follow, notes)
+        solution = self._solved(text) or self.follow
+        made = self._made(text, f"{TABLE}.csv", solution, {})
+        made.notes.append(note)
         made.explained = max(0.0, explained)
         return made
 
@@ -332,16 +331,7 @@ class _Explaining:
     def _distance(self, solution: Solution) -> float:
         return float(np.sqrt(np.mean((self._places(solution) - self.target) ** 2)))
 
-    def _made(
-        self,
-        text: str,
-        table: str,
-        solution: Solution,
-        shares: dict[str, float],
-        stationarity: float,
-        follow: Solution,
-        notes: list[str],
-    ) -> Explanation:
+    def _made(self, text: str, table: str, solution: Solution, shares: dict[str, float]) -> Explanation:
         gaps = self._places(solution) - self.target
         base = np.zeros(len(gaps), bool)
         for joint in self.recording.mechanism.joints:
@@ -355,14 +345,13 @@ class _Explaining:
             self.table if table else "",
             solution,
             shares,
-            stationarity,
+            self.stationarity,
             self._explained(solution),
             _rms(gaps[~base]),
             _rms(gaps[base]),
             self._noise,
-            self._distance(follow),
+            self._distance(self.follow),
             {contact.name: contact.ranges for contact in self.made.touching},
-            notes,
         )
 
 
@@ -379,7 +368,8 @@ def _table(recording: Recording, n: int) -> str:
     times = np.linspace(0.0, recording.duration, 2 * n + 1)
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["time", *recording.names])
+    # A path in a spec names a column without the quotes about a part of it.
+    writer.writerow(["time", *(name.replace('"', "") for name in recording.names)])
     for time, row in zip(times, recording.at(times), strict=True):
         writer.writerow([f"{time:.9g}", *(f"{value:.9g}" for value in row)])
     return stream.getvalue()

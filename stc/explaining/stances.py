@@ -29,7 +29,7 @@ FINEST, APART = 1e-3, 3.0
 FINE = 4
 #: Frames that a stance and a flight last at least.
 SHORTEST = 3
-#: Motions that come no nearer to the floor than this, in m, are in the air.
+#: Motions whose lowest place is farther than this from the floor, in m, do not stand on it.
 FAR = 0.05
 #: Rounds, and the step of differences, by which a pose is put on the floor.
 _ROUNDS, _STEP = 20, 1e-6
@@ -65,7 +65,8 @@ def contacts(recording: Recording, n: int) -> list[Contact]:
         Its last frame.
     """
     mechanism = recording.mechanism
-    if "contact" in mechanism.options.disabled:
+    floors = any(geom.kind == "plane" for geom in mechanism.geoms)
+    if "contact" in mechanism.options.disabled or not floors:
         return []
     # Which places a geom has depends on how it lies: the model's own pose has soles level, to the last digit.
     poses = [keyframe.qpos for keyframe in mechanism.keyframes if keyframe.name]
@@ -77,7 +78,7 @@ def contacts(recording: Recording, n: int) -> list[Contact]:
     heights = np.einsum("i,isk->sk", stance.up, places)
     # Recordings have the floor a little higher or lower than the model.
     ground = float(heights.min())
-    if ground - _floor(stance) > FAR:
+    if abs(ground - _floor(stance)) > FAR:
         return []
     rates = np.gradient(places, times, axis=2)
     speeds = np.linalg.norm(rates, axis=0)

@@ -174,6 +174,34 @@ def test_a_motion_that_no_term_explains_is_said_to_be_none(tmp_path: Path) -> No
     assert np.sqrt(np.mean(gap**2)) < 0.02
 
 
+#: A pendulum whose joint has a name that stands in quotes, and no floor below it.
+ROD = """<mujoco><worldbody><body name="rod"><joint name="left/hip" axis="0 1 0"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.02" mass="1"/></body></worldbody>
+  <actuator><motor name="m" joint="left/hip"/></actuator></mujoco>"""
+
+
+@pytest.mark.slow
+def test_names_in_quotes_and_speeds_at_an_end(tmp_path: Path) -> None:
+    (tmp_path / "rod.xml").write_text(ROD)
+    (tmp_path / "rod.stc").write_text(
+        """constants: n = 40, T = 1, h = T/n;  model: "rod.xml";
+        constraints: [0]: joint."left/hip" = 0; rest; [n]: joint."left/hip" = 2; joint."left/hip"' = 1.5;
+        objective: [0, n]: integral(effort);"""
+    )
+    made = stc.load(tmp_path / "rod.stc").solve()
+    times = np.linspace(0.0, 1.0, 200)
+    angle = made.at(times)['joint."left/hip"']
+    np.savez(tmp_path / "rod.npz", time=times, qpos=angle[:, None])
+    found = explain(tmp_path / "rod.npz", tmp_path / "rod.xml", folder=tmp_path)
+    assert found.stances == {}
+    assert list(found.shares) == ["effort"]
+    assert "[0]: keyframe.reference; rest;" in found.text
+    speed = re.search(r"""\[n\]: joint\."left/hip"' = (\S+);""", found.text)
+    assert speed is not None
+    assert float(speed[1]) == pytest.approx(1.5, abs=1e-2)
+    np.testing.assert_allclose(found.solution.at(times)['joint."left/hip"'], angle, atol=1e-3)
+
+
 def test_recordings_in_several_forms_are_the_same(tmp_path: Path) -> None:
     mechanism = read_model(models.locate("cart_pole.xml"))
     t = np.linspace(0.0, 1.0, 40)
