@@ -9,7 +9,6 @@ from stc.arguments import spare
 from stc.cli import console, record
 from stc.cli.inputs import load
 from stc.cli.live import Line
-from stc.cli.model_files import find
 from stc.cli.options import ready_to_write
 from stc.cli.statuses import BAD, GOOD
 from stc.errors import UsageError
@@ -27,6 +26,7 @@ def run(motion: str, model: str, output: str | None, *, as_json: bool) -> int:
         The table or the model cannot be used.
     """
     from stc.certification import certify
+    from stc.cli.model_files import find
     from stc.explaining import explain
 
     source, found = Path(motion), find(model)
