@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from stc.errors import StcError
@@ -57,6 +57,7 @@ def session_for(solution: Solution) -> TweakSession:
 @dataclass(slots=True)
 class _Wish:
     values: dict[str, float]
+    epoch: int
     made: float = field(default_factory=time.perf_counter)
 
 
@@ -74,12 +75,15 @@ class TweakSession:
         iteration: of the solve that runs.
     """
 
-    def __init__(self, solution: Solution, constants: list[Constant]) -> None:
+    def __init__(
+        self, solution: Solution, constants: list[Constant], told: Callable[[], None] | None = None
+    ) -> None:
         """Start from a solution, whose spec must be known to it.
 
         Args:
             solution: where to start from.
             constants: what may be turned.
+            told: called from the session's thread whenever a wish has been worked on.
         """
         self.solution = solution
         self.generation = 0
@@ -89,6 +93,8 @@ class TweakSession:
         self.iteration = 0
         self._wanted = dict(solution.overrides)
         self._pending: _Wish | None = None
+        self._told = told or (lambda: None)
+        self._epoch = 0  # grows when another motion is put in the place of what is worked on
         self._change = threading.Condition()
         self._closed = False
         self._thread = threading.Thread(target=self._work, name="tweaks", daemon=True)
@@ -114,7 +120,7 @@ class TweakSession:
         """Ask for other values of some constants; returns at once."""
         with self._change:
             self._wanted.update(values)
-            self._pending = _Wish(dict(self._wanted))
+            self._pending = _Wish(dict(self._wanted), self._epoch)
             self._change.notify_all()
 
     def give_up(self) -> None:
@@ -122,6 +128,16 @@ class TweakSession:
         with self._change:
             self._wanted = dict(self.solution.overrides)
             self._pending = None
+
+    def restore(self, solution: Solution) -> None:
+        """Go back to a motion that was found before, whatever is being worked on."""
+        with self._change:
+            self._epoch += 1
+            self._wanted = dict(solution.overrides)
+            self._pending = None
+            self.solution, self.outcome = solution, None
+            self.generation += 1
+            self._change.notify_all()
 
     def wait(self, seconds: float = 60.0) -> bool:
         """Wait until no wish is open; whether that came about in time."""
@@ -146,12 +162,14 @@ class TweakSession:
                 self.busy, self.iteration = True, 0
             outcome, found = self._attempt(wish)
             with self._change:
-                self.outcome = outcome
-                if found is not None:
-                    self.solution = found
-                    self.generation += 1
+                if wish.epoch == self._epoch:
+                    self.outcome = outcome
+                    if found is not None:
+                        self.solution = found
+                        self.generation += 1
                 self.busy = False
                 self._change.notify_all()
+            self._told()
 
     def _attempt(self, wish: _Wish) -> tuple[Outcome, Solution | None]:
         begin = time.perf_counter()
@@ -161,7 +179,7 @@ class TweakSession:
             nonlocal superseded
             self.iteration = record.iteration
             superseded = self._pending is not None and time.perf_counter() - begin > GRACE
-            return superseded or self._closed
+            return superseded or self._closed or wish.epoch != self._epoch
 
         found: Solution | None = None
         iterations = 0

@@ -1,0 +1,358 @@
+"""A spec that is steered: changes of its numbers, the motions for them, undo and redo, and the text with the numbers.
+
+The session knows no window.  Whoever shows it calls :meth:`Session.drag` and :meth:`Session.turn` as often as the watcher
+moves something, and takes the newest motion when it is told of one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stc.atomic import replacing
+from stc.errors import Source, StcError, UnsolvedError, UsageError
+
+from stc.pipeline import Model
+from stc.records import dataclass
+from stc.solution import Solution
+from stc.steering.edits import difference
+from stc.steering.handles import (
+    Handle,
+    PoseHandles,
+    StatedHandles,
+    qpos_at,
+    stated_frames,
+    standing_places,
+)
+from stc.steering.knobs import Knobs, find_knobs
+from stc.steering.stance import FloatArray, Stance
+from stc.validate.fields import apply_fields
+from stc.validate.reference import Reference
+from stc.validate.setup import Setup, prepare
+from stc.validate.ties import tied_joints
+from stc.viewer.constants import slider_range
+from stc.viewer.tweaks import TweakSession
+
+#: Motions that can be undone.
+MOST_KEPT = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """A number that has a slider.
+
+    Attributes:
+        name: of the knob.
+        label: what it is called.
+        note: the comment on its line.
+        low, high: the range of the slider.
+        structural: whether frames and ranges depend on it, so that a change takes longer.
+    """
+
+    name: str
+    label: str
+    note: str
+    low: float
+    high: float
+    structural: bool
+
+
+class Session:
+    """Steers a spec.
+
+    Attributes:
+        knobs: what can be steered.
+        model: the working text, of which all motions are.
+        setup: the motion on show, tied to its model.
+        sliders: one for each number that the spec writes.
+        handles: by key.
+        target: the file that the spec is written to.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        overrides: Mapping[str, float] | None = None,
+        *,
+        target: Path | None = None,
+        told: Callable[[], None] | None = None,
+        **options: Any,
+    ) -> None:
+        """Find what can be steered and solve the spec as it stands.
+
+        Args:
+            source: the spec.
+            overrides: values of constants, as ``--set`` gives them; they are written back like what is dragged.
+            target: where the text is written; the spec's own file where it is None.
+            told: called from another thread whenever a change has been worked on.
+            **options: of :meth:`stc.pipeline.Model.solve`.
+
+        Raises:
+            SpecError: mistakes in the spec.
+            UnsolvedError: the spec has no motion to begin with.
+            UsageError: it has no model to be shown with, nothing to steer, or an override that is computed.
+            ModelError: the model cannot be found or does not fit the spec.
+        """
+        self.knobs = find_knobs(source, overrides)
+        given = dict(overrides or {})
+        for name in given:
+            if name not in self.knobs.knobs:
+                raise UsageError(self.knobs.refused.get(name, f"the spec has no constant `{name}`"))
+        if not self.knobs.knobs:
+            raise UsageError(f"{source.name} has no number to steer", "declare one under `constants:`")
+        self.model = Model(replace(source, text=self.knobs.working))
+        self.target = target if target is not None else (Path(source.path) if source.path else None)
+        self._original = source.written
+        self._on_disk = source.written if target is None else _text_of(target)
+        problem = self.model.problem(options.get("method"), **given)
+        if problem.model is None:
+            raise UsageError(f"{source.name} has no `replay:` section that names a model to show it with")
+        solution = self.model.solve(constants=given, **options)
+        if solution.status != "optimal":
+            raise UnsolvedError(
+                f"{source.name} has no motion to begin with: {solution.message}",
+                "steering starts from a solution; `stc solve` tells more about why there is none",
+                solution.status,
+            )
+        self.setup: Setup = prepare(solution, None)
+        self._problem = problem
+        self._poses = {}
+        self._stated: list[StatedHandles] = []
+        self._find_handles()
+        self.sliders = self._sliders(solution)
+        self._past: list[Solution] = []
+        self._future: list[Solution] = []
+        self._in_gesture = False
+        self._message = ""
+        self._tweaks = TweakSession(solution, [], told)
+
+    # ------------------------------------------------------------------- what there is
+
+    @property
+    def solution(self) -> Solution:
+        """The newest motion that was found."""
+        return self._tweaks.solution
+
+    @property
+    def generation(self) -> int:
+        """Grows by one with every new motion."""
+        return self._tweaks.generation
+
+    @property
+    def busy(self) -> bool:
+        """Whether a change is being worked on or waits."""
+        return self._tweaks.unsettled
+
+    @property
+    def message(self) -> str:
+        """Why the motion on show is not the one that was asked for; empty where it is, or may still become so."""
+        outcome = self._tweaks.outcome
+        if self._message:
+            return self._message
+        if outcome is None or not outcome.message or not self._tweaks.refused:
+            return ""
+        return outcome.message
+
+    @property
+    def handles(self) -> dict[str, Handle]:
+        """What can be dragged, by key."""
+        groups: Sequence[Any] = [*self._poses.values(), *self._stated]
+        return {handle.key: handle for group in groups for handle in group.handles}
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is an earlier motion to go back to."""
+        return any(past is not self.solution for past in self._past)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether something was undone."""
+        return bool(self._future)
+
+    def points(self) -> dict[str, FloatArray]:
+        """(3,) where each handle is in the motion on show, in m."""
+        setup, found = self.shown(), {}
+        stances: dict[int, Stance] = {}
+        for key, handle in self.handles.items():
+            frame = min(handle.frame, setup.solution.n)
+            if frame not in stances:
+                stances[frame] = Stance(setup.compiled, qpos_at(setup, setup.solution, frame))
+            found[key] = handle.place.point(stances[frame].data)
+        return found
+
+    def shown(self) -> Setup:
+        """The newest motion, tied to its model; the model is set up once, and takes on what the spec sets in it."""
+        solution = self.solution
+        if self.setup.solution is not solution:
+            compiled = self.setup.compiled
+            fields = apply_fields(compiled, solution)
+            ties = tied_joints(compiled, solution)
+            self.setup = replace(
+                self.setup, solution=solution, fields=fields, ties=ties, reference=Reference(solution, ties)
+            )
+        return self.setup
+
+    # ------------------------------------------------------------------- steering
+
+    def drag(self, key: str, target: Sequence[float]) -> dict[str, float]:
+        """Ask for the motion in which a handle is at a place, (3,) m, or as near as it gets; returns at once.
+
+        Returns:
+            The numbers that were asked for, by the names of their knobs.
+
+        Raises:
+            UsageError: there is no such handle, or the place is none.
+        """
+        handle = self.handles.get(key)
+        place = np.asarray(target, dtype=np.float64)
+        if handle is None or place.shape != (3,) or not np.isfinite(place).all():
+            raise UsageError("there is no such handle, or no such place")
+        setup = self.shown()
+        group = self._group(handle)
+        values: dict[str, float] = group.values(handle, place, setup.solution, setup)
+        self.turn(values)
+        return values
+
+    def turn(self, values: Mapping[str, float]) -> None:
+        """Ask for the motion with other numbers, by the names of their knobs; returns at once.
+
+        Raises:
+            UsageError: a name is that of no knob, or a value is no number.
+        """
+        for name, value in values.items():
+            if name not in self.knobs.knobs:
+                raise UsageError(self.knobs.refused.get(name, f"the spec has no number called `{name}` to steer"))
+            if not np.isfinite(value):
+                raise UsageError(f"`{name}` needs a number, not {value!r}")
+        if not self._in_gesture:
+            self._in_gesture = True
+            self._past = [*self._past, self.solution][-MOST_KEPT:]
+            self._future.clear()
+        self._message = ""
+        self._tweaks.turn(**values)
+
+    def release(self) -> None:
+        """Tell that what was held is let go: what comes next is undone by itself."""
+        self._in_gesture = False
+
+    def undo(self) -> bool:
+        """Go back to the motion before the last gesture; whether there is one."""
+        self.release()
+        while self._past and self._past[-1] is self.solution:
+            self._past.pop()
+        if not self._past:
+            return False
+        self._future.append(self.solution)
+        self._restore(self._past.pop())
+        return True
+
+    def redo(self) -> bool:
+        """Go forward again to what was undone last; whether there is anything."""
+        if not self._future:
+            return False
+        self._past.append(self.solution)
+        self._restore(self._future.pop())
+        return True
+
+    def _restore(self, solution: Solution) -> None:
+        self._message = ""
+        self._tweaks.restore(solution)
+
+    def wait(self, seconds: float = 60.0) -> bool:
+        """Wait until no change is open; whether that came about in time."""
+        return self._tweaks.wait(seconds)
+
+    def close(self) -> None:
+        """End the session."""
+        self._tweaks.close()
+
+    # ------------------------------------------------------------------- the text
+
+    def text(self) -> str:
+        """The spec's text with the numbers of the motion on show."""
+        return self.knobs.written(self.solution.overrides)
+
+    def changes(self) -> str:
+        """What :meth:`write` would change in the file, as ``diff -u`` shows it; empty if nothing."""
+        name = "the spec" if self.target is None else self.target.name
+        return difference(self._on_disk if self._on_disk is not None else self._original, self.text(), name)
+
+    def write(self) -> Path:
+        """Write the text into its file, once it has been solved as it will stand there.
+
+        Raises:
+            UsageError: there is no file, or it has been changed by someone else since it was read or written here.
+            UnsolvedError: the text does not lead to the motion on show.
+            SpecError: the text would be refused.
+            OSError: the file cannot be written.
+        """
+        if self.target is None:
+            raise UsageError("the spec came as text and has no file to be written to")
+        if _text_of(self.target) != self._on_disk:
+            raise UsageError(
+                f"{self.target} has changed on disk since it was read: nothing was written",
+                "start `stc steer` anew to steer what stands there now",
+            )
+        text = self.text()
+        self._confirm(text)
+        with replacing(self.target) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        self._on_disk = text
+        return self.target
+
+    def _confirm(self, text: str) -> None:
+        """Make sure that a text states the motion on show: it is solved from there and has to end there."""
+        shown = self.solution
+        found = Model(replace(self.model.source, text=text)).solve(warm_start=shown, method=shown.method)
+        if found.status != "optimal":
+            raise UnsolvedError(
+                f"the text as it would be written does not solve: {found.message}", "", found.status
+            )
+        away = abs(found.objective - shown.objective)
+        if away > 1e-3 * max(1.0, abs(shown.objective)):
+            raise UsageError(
+                f"the text as it would be written leads to another motion: objective {found.objective:.6g}, not "
+                f"{shown.objective:.6g}"
+            )
+
+    # ------------------------------------------------------------------- inside
+
+    def _find_handles(self) -> None:
+        knobs, setup, problem = self.knobs, self.setup, self._problem
+        for site in knobs.poses:
+            if 0 <= site.frame <= problem.n and site.frame not in self._poses:
+                standing = standing_places(knobs, problem, setup.compiled, site.frame)
+                self._poses[site.frame] = PoseHandles(site, knobs, setup, standing)
+        self._stated = [
+            group for group in stated_frames(problem, knobs, setup, self.model.tree) if group.frame not in self._poses
+        ]
+
+    def _group(self, handle: Handle) -> Any:
+        for group in [*self._poses.values(), *self._stated]:
+            if any(one.key == handle.key for one in group.handles):
+                return group
+        raise StcError(f"no handle {handle.key}")
+
+    def _sliders(self, solution: Solution) -> list[Slider]:
+        structural = self._problem.structural
+        found = []
+        for knob in self.knobs.knobs.values():
+            if knob.start >= 0:
+                low, high = slider_range(solution.constants[knob.name])
+                found.append(Slider(knob.name, knob.label, knob.note, low, high, knob.name in structural))
+        return sorted(found, key=lambda slider: slider.structural)
+
+
+def _text_of(path: Path) -> str | None:
+    """What stands in a file; None where there is none."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+__all__ = ["Session", "Slider"]
