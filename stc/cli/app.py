@@ -10,7 +10,7 @@ import typer
 from typer.models import CommandInfo
 
 from stc import __version__
-from stc.cli import exports, jobs, perturbed, pictures, studies, sweeping
+from stc.cli import exports, jobs, perturbed, pictures, steering, studies, sweeping
 from stc.cli import view as viewing
 from stc.cli.options import solve_options, writable_page
 from stc.cli.parameters import (
@@ -386,6 +386,30 @@ def export(
     return exports.export(
         target, kind, output, options, rate=rate, time_step=time_step, force=force, as_json=json
     )
+
+
+@app.command()
+def steer(
+    spec: Spec,
+    port: Annotated[
+        int | None, typer.Option("--port", metavar="NUMBER", help="Of the page; default: a free one from 8090.")
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Where the steered text is written; default: the spec itself, of a bundled one NAME.stc here.",
+        ),
+    ] = None,
+    settings: Set = None,
+    method: Method = None,
+    time_limit: TimeLimit = None,
+) -> int:
+    """Steer a motion by hand in a browser: drag what the spec states, and write it back into its text."""
+    options = solve_options(settings, method, time_limit=time_limit)
+    return steering.steer(spec, options, port, output)
 
 
 @app.command()

@@ -37,6 +37,9 @@ from stc.validate.ties import tied_joints
 from stc.viewer.constants import slider_range
 from stc.viewer.tweaks import TweakSession
 
+#: Seconds for which a solve goes on though something newer is wanted: a motion on the way is better than none.
+GRACE = 1.5
+
 #: Motions that can be undone.
 MOST_KEPT = 200
 
@@ -128,7 +131,7 @@ class Session:
         self._future: list[Solution] = []
         self._in_gesture = False
         self._message = ""
-        self._tweaks = TweakSession(solution, [], told)
+        self._tweaks = TweakSession(solution, [], told, GRACE)
 
     # ------------------------------------------------------------------- what there is
 
@@ -136,6 +139,11 @@ class Session:
     def solution(self) -> Solution:
         """The newest motion that was found."""
         return self._tweaks.solution
+
+    @property
+    def wanted(self) -> dict[str, float]:
+        """The values that are asked for of all numbers that have been turned, by the names of their knobs."""
+        return self._tweaks.wants
 
     @property
     def generation(self) -> int:
@@ -228,6 +236,8 @@ class Session:
                 raise UsageError(self.knobs.refused.get(name, f"the spec has no number called `{name}` to steer"))
             if not np.isfinite(value):
                 raise UsageError(f"`{name}` needs a number, not {value!r}")
+        if all(self._tweaks.wanted(name) == value for name, value in values.items()):
+            return
         if not self._in_gesture:
             self._in_gesture = True
             self._past = [*self._past, self.solution][-MOST_KEPT:]

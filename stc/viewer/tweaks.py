@@ -76,7 +76,11 @@ class TweakSession:
     """
 
     def __init__(
-        self, solution: Solution, constants: list[Constant], told: Callable[[], None] | None = None
+        self,
+        solution: Solution,
+        constants: list[Constant],
+        told: Callable[[], None] | None = None,
+        grace: float = GRACE,
     ) -> None:
         """Start from a solution, whose spec must be known to it.
 
@@ -84,6 +88,7 @@ class TweakSession:
             solution: where to start from.
             constants: what may be turned.
             told: called from the session's thread whenever a wish has been worked on.
+            grace: seconds that a solve may take for a wish that is no longer the newest.
         """
         self.solution = solution
         self.generation = 0
@@ -93,6 +98,7 @@ class TweakSession:
         self.iteration = 0
         self._wanted = dict(solution.overrides)
         self._pending: _Wish | None = None
+        self._grace = grace
         self._told = told or (lambda: None)
         self._epoch = 0  # grows when another motion is put in the place of what is worked on
         self._change = threading.Condition()
@@ -103,6 +109,12 @@ class TweakSession:
     def wanted(self, name: str) -> float:
         """The value that the watcher wants a constant to have, whether or not there is a motion for it."""
         return self._wanted.get(name, self.solution.constants[name])
+
+    @property
+    def wants(self) -> dict[str, float]:
+        """All values that are given from outside in the motion that is wanted."""
+        with self._change:
+            return dict(self._wanted)
 
     @property
     def unsettled(self) -> bool:
@@ -178,7 +190,7 @@ class TweakSession:
         def look(record: Any) -> bool:
             nonlocal superseded
             self.iteration = record.iteration
-            superseded = self._pending is not None and time.perf_counter() - begin > GRACE
+            superseded = self._pending is not None and time.perf_counter() - begin > self._grace
             return superseded or self._closed or wish.epoch != self._epoch
 
         found: Solution | None = None
