@@ -203,11 +203,19 @@ class Server:
                 self._judge.look(self._session, self.told)
                 continue
             self._news.clear()
+            self._go_on()
             if self._session.generation != shown:
                 shown = self._session.generation
                 self._judge.stop()
                 await self._tell(self._motion())
             await self._tell(json.dumps(self._state()))
+
+    def _go_on(self) -> None:
+        """Have what is dragged come nearer to its place, unless a newer one waits to be asked for."""
+        if self._newest is None and not self._session.busy:
+            number = self._asked.get(_key(self._session.solution.overrides), 0)
+            self._session.follow()
+            self._asked.setdefault(_key(self._session.wanted), number)
 
     def _motion(self) -> bytes:
         solution = self._session.solution

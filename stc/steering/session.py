@@ -6,6 +6,7 @@ moves something, and takes the newest motion when it is told of one.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from stc.atomic import replacing
 from stc.errors import Source, StcError, UnsolvedError, UsageError
 
 from stc.pipeline import Model
-from stc.records import dataclass
+from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.steering.edits import difference
 from stc.steering.handles import (
@@ -39,6 +40,16 @@ from stc.viewer.tweaks import TweakSession
 
 #: Seconds for which a solve goes on though something newer is wanted: a motion on the way is better than none.
 GRACE = 1.5
+
+#: A handle is brought no farther at once than by this share of the model's size: nearby solves are quick and certain.
+#: What is farther away is reached in several motions.
+STRIDE = 0.05
+
+#: Iterations after which a change counts as too large. It is tried again with a half of it, down to this share.
+_ITERATIONS, _LEAST = 150, 1.0 / 16.0
+
+#: A handle that comes no nearer to where it is dragged than by this, in m, has come as near as it gets.
+_PROGRESS = 5e-4
 
 #: Motions that can be undone.
 MOST_KEPT = 200
@@ -62,6 +73,24 @@ class Slider:
     low: float
     high: float
     structural: bool
+
+
+@dataclass(slots=True)
+class _Pull:
+    """What was asked for last and is not reached yet.
+
+    Attributes:
+        handle, target: what is dragged, and where to, (3,) m; None where numbers are turned.
+        values: the numbers that are turned.
+        share: of the way that is asked for next.
+        before: how far the handle was from its target when that was asked for last, in m.
+    """
+
+    handle: Handle | None = None
+    target: FloatArray = field(default_factory=lambda: np.zeros(3))
+    values: dict[str, float] = field(default_factory=dict)
+    share: float = 1.0
+    before: float = float("inf")
 
 
 class Session:
@@ -130,8 +159,8 @@ class Session:
         self._past: list[Solution] = []
         self._future: list[Solution] = []
         self._in_gesture = False
-        self._message = ""
-        self._tweaks = TweakSession(solution, [], told, GRACE)
+        self._pull: _Pull | None = None
+        self._tweaks = TweakSession(solution, [], told, grace=GRACE, max_iterations=_ITERATIONS)
 
     # ------------------------------------------------------------------- what there is
 
@@ -159,8 +188,6 @@ class Session:
     def message(self) -> str:
         """Why the motion on show is not the one that was asked for; empty where it is, or may still become so."""
         outcome = self._tweaks.outcome
-        if self._message:
-            return self._message
         if outcome is None or not outcome.message or not self._tweaks.refused:
             return ""
         return outcome.message
@@ -206,11 +233,10 @@ class Session:
 
     # ------------------------------------------------------------------- steering
 
-    def drag(self, key: str, target: Sequence[float]) -> dict[str, float]:
+    def drag(self, key: str, target: Sequence[float]) -> None:
         """Ask for the motion in which a handle is at a place, (3,) m, or as near as it gets; returns at once.
 
-        Returns:
-            The numbers that were asked for, by the names of their knobs.
+        A place that is far away is reached in several motions: :meth:`follow` asks for the next one.
 
         Raises:
             UsageError: there is no such handle, or the place is none.
@@ -219,11 +245,9 @@ class Session:
         place = np.asarray(target, dtype=np.float64)
         if handle is None or place.shape != (3,) or not np.isfinite(place).all():
             raise UsageError("there is no such handle, or no such place")
-        setup = self.shown()
-        group = self._group(handle)
-        values: dict[str, float] = group.values(handle, place, setup.solution, setup)
-        self.turn(values)
-        return values
+        self._begin()
+        self._pull = _Pull(handle=handle, target=place)
+        self._bring(self._pull)
 
     def turn(self, values: Mapping[str, float]) -> None:
         """Ask for the motion with other numbers, by the names of their knobs; returns at once.
@@ -236,14 +260,56 @@ class Session:
                 raise UsageError(self.knobs.refused.get(name, f"the spec has no number called `{name}` to steer"))
             if not np.isfinite(value):
                 raise UsageError(f"`{name}` needs a number, not {value!r}")
-        if all(self._tweaks.wanted(name) == value for name, value in values.items()):
+        self._begin()
+        self._pull = _Pull(values=dict(values))
+        self._bring(self._pull)
+
+    def follow(self) -> None:
+        """Go on toward what was asked for last, once a motion on the way there has been found, or was not.
+
+        Whoever shows the session calls it when told that a change has been worked on.
+        """
+        pull = self._pull
+        if pull is None or self.busy:
             return
+        pull.share = 0.5 * pull.share if self._tweaks.refused else min(1.0, 2.0 * pull.share)
+        if pull.share < _LEAST:
+            self._pull = None
+        else:
+            self._bring(pull)
+
+    def _begin(self) -> None:
+        """Note where a gesture begins."""
         if not self._in_gesture:
             self._in_gesture = True
             self._past = [*self._past, self.solution][-MOST_KEPT:]
             self._future.clear()
-        self._message = ""
-        self._tweaks.turn(**values)
+
+    def _bring(self, pull: _Pull) -> None:
+        """Ask for the motion in which everything is as it was asked for, or a stride nearer to that."""
+        setup = self.shown()
+        constants = setup.solution.constants
+        if pull.handle is not None:
+            data = Stance(setup.compiled, qpos_at(setup, setup.solution, pull.handle.frame)).data
+            here = pull.handle.place.point(data)
+            left = float(np.linalg.norm(pull.target - here))
+            if pull.share == 1.0 and left > pull.before - _PROGRESS:
+                self._pull = None
+                return
+            pull.before = left
+            stride = STRIDE * float(setup.compiled.stat.extent)
+            near = here + (pull.target - here) * min(1.0, stride / max(left, 1e-12))
+            goal = self._group(pull.handle).values(pull.handle, near, setup.solution, setup)
+        else:
+            goal = pull.values
+        if pull.share < 1.0 and not set(goal) & set(self._problem.structural):
+            goal = {
+                name: constants[name] + pull.share * (value - constants[name]) for name, value in goal.items()
+            }
+        if all(self._tweaks.wanted(name) == value for name, value in goal.items()):
+            self._pull = None
+        else:
+            self._tweaks.turn(**goal)
 
     def release(self) -> None:
         """Tell that what was held is let go: what comes next is undone by itself."""
@@ -269,12 +335,17 @@ class Session:
         return True
 
     def _restore(self, solution: Solution) -> None:
-        self._message = ""
+        self._pull = None
         self._tweaks.restore(solution)
 
     def wait(self, seconds: float = 60.0) -> bool:
-        """Wait until no change is open; whether that came about in time."""
-        return self._tweaks.wait(seconds)
+        """Wait until no change is open, and what is dragged has come to its place; whether that came about in time."""
+        end = time.monotonic() + seconds
+        while self._tweaks.wait(max(0.0, end - time.monotonic())):
+            self.follow()
+            if not self.busy:
+                return True
+        return False
 
     def close(self) -> None:
         """End the session."""

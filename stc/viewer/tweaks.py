@@ -80,7 +80,9 @@ class TweakSession:
         solution: Solution,
         constants: list[Constant],
         told: Callable[[], None] | None = None,
+        *,
         grace: float = GRACE,
+        max_iterations: int | None = None,
     ) -> None:
         """Start from a solution, whose spec must be known to it.
 
@@ -89,6 +91,7 @@ class TweakSession:
             constants: what may be turned.
             told: called from the session's thread whenever a wish has been worked on.
             grace: seconds that a solve may take for a wish that is no longer the newest.
+            max_iterations: of a solve; the solver's own limit where it is None.
         """
         self.solution = solution
         self.generation = 0
@@ -98,7 +101,7 @@ class TweakSession:
         self.iteration = 0
         self._wanted = dict(solution.overrides)
         self._pending: _Wish | None = None
-        self._grace = grace
+        self._grace, self._most = grace, max_iterations
         self._told = told or (lambda: None)
         self._epoch = 0  # grows when another motion is put in the place of what is worked on
         self._change = threading.Condition()
@@ -196,7 +199,9 @@ class TweakSession:
         found: Solution | None = None
         iterations = 0
         try:
-            found = self.solution.resolve(constants=wish.values, callback=look, time_limit=TIME_LIMIT)
+            found = self.solution.resolve(
+                constants=wish.values, callback=look, time_limit=TIME_LIMIT, max_iterations=self._most
+            )
             status, iterations = found.status, found.iterations
             message = "" if status == "optimal" else found.message
             if superseded and status == "interrupted":

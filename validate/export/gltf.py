@@ -123,10 +123,10 @@ def _scene(
         scene.graph.update(frame_to=names[body], frame_from=parent, matrix=frame)
     made: dict[tuple[Any, ...], str] = {}
     for geom in range(model.ngeom):
-        rgba = _colour(model, geom)
+        rgba = colour_of(model, geom)
         if model.geom_group[geom] >= _SHOWN_GROUPS or rgba[3] <= 0.0:
             continue
-        shape = _shape(model, geom)
+        shape = shape_of(model, geom)
         if shape is None:
             continue
         label = model.geom(geom).name or f"geom{geom}"
@@ -167,7 +167,7 @@ def _shape_key(model: mujoco.MjModel, geom: int) -> tuple[Any, ...]:
     return int(model.geom_type[geom]), int(model.geom_dataid[geom]), tuple(model.geom_size[geom])
 
 
-def _shape(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
+def shape_of(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
     """The surface of a geom in its own frame; None for kinds that glTF has no place for."""
     import mujoco
     import trimesh
@@ -206,7 +206,7 @@ def _shape(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
     return trimesh.graph.smooth_shade(made, angle=_SHARP)
 
 
-def _colour(model: mujoco.MjModel, geom: int) -> FloatArray:
+def colour_of(model: mujoco.MjModel, geom: int) -> FloatArray:
     material = int(model.geom_matid[geom])
     plain = np.array(model.geom_rgba[geom], dtype=float)
     # MuJoCo's rule: a geom's own colour counts where it is not the default grey.
