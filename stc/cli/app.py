@@ -392,7 +392,8 @@ def export(
 def steer(
     spec: Spec,
     port: Annotated[
-        int | None, typer.Option("--port", metavar="NUMBER", help="Of the page; default: a free one from 8090.")
+        int | None,
+        typer.Option("--port", metavar="NUMBER", help="Of the page; default: a free one from 8090."),
     ] = None,
     output: Annotated[
         str | None,

@@ -17,7 +17,7 @@ from stc.validate.pictures.motion import solved_at
 from stc.validate.setup import Setup
 
 #: Instants of a motion that the page gets, at most; between them it interpolates.
-INSTANTS = 121
+INSTANTS = 81
 
 #: Groups of geoms that MuJoCo shows unless told otherwise.
 _SHOWN_GROUPS = 3

@@ -53,7 +53,11 @@ class Judge:
             solution.save(file)
             command = [sys.executable, "-m", "stc", "validate", str(file), "--json"]
             process = subprocess.Popen(
-                command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=solution.directory or None
+                command,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+                cwd=solution.directory or None,
             )
             if self._at is not solution:
                 process.terminate()

@@ -16,7 +16,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from stc.errors import Diagnostic, Source, Span, SpecError, UsageError
+from stc.errors import Source, Span, SpecError, UsageError
 from stc.language import syntax
 from stc.language.constants import Constants
 from stc.language.diagnostics import Diagnostics
@@ -115,9 +115,16 @@ class Knobs:
         """
         changed = {name: value for name, value in values.items() if self._knob(name).value != value}
         text = self.source.written
-        places = {(knob.start, knob.end): number(changed[name]) for name, knob in self.knobs.items() if name in changed}
+        places = {
+            (knob.start, knob.end): number(changed[name])
+            for name, knob in self.knobs.items()
+            if name in changed
+        }
         edits = [
-            edit for place, digits in places.items() if place[0] >= 0 for edit in replaced(text, *place, digits)
+            edit
+            for place, digits in places.items()
+            if place[0] >= 0
+            for edit in replaced(text, *place, digits)
         ]
         made: list[str] = []
         appended: set[str] = set()
@@ -145,9 +152,7 @@ class Knobs:
 
     def _changes(self, site: PoseSite, changed: Mapping[str, float]) -> list[str]:
         """The coordinates of a pose that the spec has to tell and does not yet, as ``path = number``."""
-        names = {
-            path: name for path, name in site.coordinates.items() if self.knobs[name].start < 0
-        }
+        names = {path: name for path, name in site.coordinates.items() if self.knobs[name].start < 0}
         moved = [path for path, name in names.items() if name in changed]
         # A quaternion has one meaning as a whole.
         turned = {path.rpartition(".")[0] for path in moved if _is_quaternion(path)}
@@ -280,7 +285,10 @@ class _Finder:
                         continue
                     elif isinstance(statement, syntax.Relation):
                         self._relation(statement, block)
-                    elif isinstance(statement, syntax.Pose) and statement.base.name not in ("rest", "periodic"):
+                    elif isinstance(statement, syntax.Pose) and statement.base.name not in (
+                        "rest",
+                        "periodic",
+                    ):
                         self._pose(statement, block)
 
     def _relation(self, statement: syntax.Relation, block: syntax.Block) -> None:
@@ -334,7 +342,9 @@ class _Finder:
             place = self._place(change.value)
             value = change.value
             named = value.name if isinstance(value, syntax.Name) and value.name in self.found.knobs else None
-            knob = named or next((k.name for k in self.found.knobs.values() if (k.start, k.end) == place), None)
+            knob = named or next(
+                (k.name for k in self.found.knobs.values() if (k.start, k.end) == place), None
+            )
             if knob is not None:
                 site.coordinates[change.name.name] = knob
         base = definition.pose
@@ -346,9 +356,9 @@ class _Finder:
         site.insert = place[1]
         listed = {change.name.name for change in definition.changes}
         fresh = not any(other.name == site.name for other in self.found.poses)
-        for path, value in numbers.items():
+        for path, given in numbers.items():
             if path not in listed:
-                site.coordinates[path] = self._coordinate(path, value, definition.name.name, fresh)
+                site.coordinates[path] = self._coordinate(path, given, definition.name.name, fresh)
         if fresh:
             added = "".join(f", {path} = {site.coordinates[path]}" for path in numbers if path not in listed)
             self.edits.append(Edit(site.insert, site.insert, added))
@@ -380,7 +390,9 @@ class _Finder:
         if qpos is None:
             return None
         return {
-            path: float(qpos[one.joint.qpos + k]) for one in scope.coordinates for k, path in enumerate(one.pose)
+            path: float(qpos[one.joint.qpos + k])
+            for one in scope.coordinates
+            for k, path in enumerate(one.pose)
         }
 
     # ------------------------------------------------------------------- one knob
@@ -456,6 +468,3 @@ def _literal(node: syntax.Expression | None) -> float | None:
 def _items(shift: syntax.Vector | None) -> Iterator[syntax.Expression | None]:
     items = [] if shift is None else shift.items
     yield from (items[k] if k < len(items) else None for k in range(3))
-
-
-__all__ = ["Diagnostic", "Knob", "Knobs", "PoseSite", "find_knobs"]

@@ -13,6 +13,7 @@ import secrets
 import socket
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.resources import files
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -25,7 +26,7 @@ from websockets.http11 import Request, Response
 from stc.errors import StcError
 from stc.steering.drawn import motion_of, scene_of
 from stc.steering.judge import Judge
-from stc.steering.session import Session
+from stc.steering.session import GRACE, Session
 from stc.viewer.addresses import LOOPBACK, require_address
 from stc.viewer.guard import Guard
 
@@ -49,7 +50,8 @@ class Server:
         self._session = session
         self._token = secrets.token_urlsafe(16)
         self._clients: set[ServerConnection] = set()
-        self._news = asyncio.Event()
+        self._news = asyncio.Event()  # for who shows
+        self._ready = asyncio.Event()  # for who asks
         self._steered = asyncio.Event()
         self._newest: dict[str, Any] | None = None
         self._asked: dict[Any, int] = {}
@@ -60,7 +62,12 @@ class Server:
     def told(self) -> None:
         """Take note, from any thread, that a change has been worked on."""
         if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._news.set)
+            with suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(self._wake)
+
+    def _wake(self) -> None:
+        self._news.set()
+        self._ready.set()
 
     async def run(self, port: int | None, ready: Callable[[str], None]) -> None:
         """Serve until cancelled.
@@ -173,6 +180,11 @@ class Server:
         while True:
             await self._steered.wait()
             self._steered.clear()
+            # What is asked for while a solve runs is worked out once that has ended: by then something newer may be wanted.
+            self._ready.clear()
+            if session.busy:
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self._ready.wait(), GRACE)
             told, number = self._newest, 0
             if told is None:
                 continue

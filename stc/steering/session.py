@@ -15,22 +15,16 @@ from typing import Any
 import numpy as np
 
 from stc.atomic import replacing
-from stc.errors import Source, StcError, UnsolvedError, UsageError
-
+from stc.errors import Source, UnsolvedError, UsageError
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.steering.edits import difference
-from stc.steering.handles import (
-    Handle,
-    PoseHandles,
-    StatedHandles,
-    qpos_at,
-    stated_frames,
-    standing_places,
-)
-from stc.steering.knobs import Knobs, find_knobs
+from stc.steering.handles import Handle, Handles, qpos_at
+from stc.steering.knobs import find_knobs
+from stc.steering.pose_handles import PoseHandles, standing_places
 from stc.steering.stance import FloatArray, Stance
+from stc.steering.stated_handles import stated_frames
 from stc.validate.fields import apply_fields
 from stc.validate.reference import Reference
 from stc.validate.setup import Setup, prepare
@@ -152,9 +146,7 @@ class Session:
             )
         self.setup: Setup = prepare(solution, None)
         self._problem = problem
-        self._poses = {}
-        self._stated: list[StatedHandles] = []
-        self._find_handles()
+        self._groups = self._found_handles()
         self.sliders = self._sliders(solution)
         self._past: list[Solution] = []
         self._future: list[Solution] = []
@@ -195,8 +187,7 @@ class Session:
     @property
     def handles(self) -> dict[str, Handle]:
         """What can be dragged, by key."""
-        groups: Sequence[Any] = [*self._poses.values(), *self._stated]
-        return {handle.key: handle for group in groups for handle in group.handles}
+        return {handle.key: handle for group in self._groups for handle in group.handles}
 
     @property
     def can_undo(self) -> bool:
@@ -257,7 +248,9 @@ class Session:
         """
         for name, value in values.items():
             if name not in self.knobs.knobs:
-                raise UsageError(self.knobs.refused.get(name, f"the spec has no number called `{name}` to steer"))
+                raise UsageError(
+                    self.knobs.refused.get(name, f"the spec has no number called `{name}` to steer")
+                )
             if not np.isfinite(value):
                 raise UsageError(f"`{name}` needs a number, not {value!r}")
         self._begin()
@@ -402,21 +395,20 @@ class Session:
 
     # ------------------------------------------------------------------- inside
 
-    def _find_handles(self) -> None:
+    def _found_handles(self) -> list[Handles]:
+        """The handles of each frame that has any; where a pose is stated, those of the pose."""
         knobs, setup, problem = self.knobs, self.setup, self._problem
+        poses: dict[int, Handles] = {}
         for site in knobs.poses:
-            if 0 <= site.frame <= problem.n and site.frame not in self._poses:
+            if 0 <= site.frame <= problem.n and site.frame not in poses:
                 standing = standing_places(knobs, problem, setup.compiled, site.frame)
-                self._poses[site.frame] = PoseHandles(site, knobs, setup, standing)
-        self._stated = [
-            group for group in stated_frames(problem, knobs, setup, self.model.tree) if group.frame not in self._poses
-        ]
+                poses[site.frame] = PoseHandles(site, knobs, setup, standing)
+        stated = stated_frames(problem, knobs, setup, self.model.tree)
+        return [*poses.values(), *(group for group in stated if group.frame not in poses)]
 
-    def _group(self, handle: Handle) -> Any:
-        for group in [*self._poses.values(), *self._stated]:
-            if any(one.key == handle.key for one in group.handles):
-                return group
-        raise StcError(f"no handle {handle.key}")
+    def _group(self, handle: Handle) -> Handles:
+        """Those that a handle is one of."""
+        return next(group for group in self._groups if any(one.key == handle.key for one in group.handles))
 
     def _sliders(self, solution: Solution) -> list[Slider]:
         structural = self._problem.structural

@@ -1,4 +1,4 @@
-"""A body in a pose: where its parts are, how they move with its joints, and the pose in which one of them is elsewhere."""
+"""A body in a pose: where its parts are, how they move with its joints, and the pose in which a part is elsewhere."""
 
 from __future__ import annotations
 
@@ -111,9 +111,13 @@ class Stance:
             if basis.shape[1]:
                 reduced = jacobian @ basis
                 system = np.vstack([reduced, _COST * np.eye(basis.shape[1])])
-                way = way + basis @ np.linalg.lstsq(
-                    system, np.concatenate([error, np.zeros(basis.shape[1])]), rcond=None
-                )[0]
+                way = (
+                    way
+                    + basis
+                    @ np.linalg.lstsq(system, np.concatenate([error, np.zeros(basis.shape[1])]), rcond=None)[
+                        0
+                    ]
+                )
             full = np.zeros(self.model.nv)
             full[free] = way
             moved = self.qpos
@@ -121,7 +125,9 @@ class Stance:
             at_end = self._limit(moved, free)
             self.put(moved)
             left = float(np.linalg.norm(target - place.point(self.data)))
-            worst = max((float(np.linalg.norm(one.point(self.data) - at)) for one, at, _ in held), default=0.0)
+            worst = max(
+                (float(np.linalg.norm(one.point(self.data) - at)) for one, at, _ in held), default=0.0
+            )
             if worst < _STAYS and left < least - 1e-9:
                 best, least = self.qpos, left
             if worst < 1e-7 and (left < 1e-6 or float(np.abs(way).max(initial=0.0)) < 1e-7):

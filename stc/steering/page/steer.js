@@ -33,7 +33,7 @@
   let selected = null, playing = true, time = 0, last = 0, held = null, dirty = true;
   const camera = { centre: [0, 0, 0.3], distance: 2.5, azimuth: 90, elevation: -12, found: false };
   // Milliseconds from a change until its motion, or a later one's, was drawn: read by the measurement.
-  const steering = (window.steering = { latencies: [], motions: 0, sent: 0, errors: [] });
+  const steering = (window.steering = { latencies: [], received: [], motions: 0, sent: 0, errors: [] });
   const asked = new Map();
   window.addEventListener("error", (event) => steering.errors.push(String(event.message)));
 
@@ -244,6 +244,8 @@
       show(index);
     });
   };
+  // How many pixels a metre has on the picture where the camera looks: for the measurement.
+  steering.pixels = () => { const v = look(); return v.height / (2 * v.slope * camera.distance); };
   const choose = (frame) => {
     selected = String(frame);
     for (const button of $("keyframes").children) button.setAttribute("aria-pressed", String(button.dataset.frame === selected));
@@ -260,6 +262,7 @@
     tell({ ...message, number });
   };
   const arrived = (told, data) => {
+    const came = performance.now();
     motion = { ...told, data };
     if (time < told.start || time > told.end) time = told.start;
     const bodies = scene.bodies;
@@ -274,7 +277,7 @@
     const now = performance.now();
     steering.motions += 1;
     for (const [k, begin] of asked) if (k <= told.number) {
-      if (k === told.number) steering.latencies.push(now - begin);
+      if (k === told.number) { steering.latencies.push(now - begin); steering.received.push(came - begin); }
       asked.delete(k);
     }
     for (const slider of scene.sliders) slider.follow(told.values[slider.name]);
