@@ -3,12 +3,12 @@
     python -m bench.steering                          # the lamp's landing place and head, the quadruped's landing place
     python -m bench.steering --spec luxo_jump --handle place:72:1 --seconds 20
 
-A page of ``stc steer`` is opened in Chromium without a screen, which must be on the PATH, and a handle is dragged back
-and forth by events of a mouse, 60 in a second.  Told are, in milliseconds, the median and the 90th percentile of the time
-from the newest event that a motion was solved for until that motion has come to the page, and until it has been drawn (by
-the processor: there is no graphics card without a screen), how many motions came per second, and how much of a
-processor's time the solver's process needed for each of them.  On a machine that has other work too, the last one is the
-figure to go by.  Every motion that is shown is a solution, with the solver's usual tolerance.
+A page of ``stc steer`` is opened in Chromium without a screen, which must be on the PATH, and a handle is dragged
+back and forth by events of a mouse, 60 in a second.  Told are, in milliseconds, the median and the 90th percentile of
+the time from the newest event that a motion was solved for until that motion has come to the page, and until it has
+been drawn (by the processor: there is no graphics card without a screen), how many motions came per second, and how
+much of a processor's time the solver's process needed for each of them.  On a machine that has other work too, the
+last one is the figure to go by.  Every motion that is shown is a solution, with the solver's usual tolerance.
 """
 
 from __future__ import annotations

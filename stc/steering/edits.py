@@ -42,8 +42,8 @@ def replaced(text: str, start: int, end: int, word: str) -> list[Edit]:
     rest = text[end:].partition("\n")[0]
     before, hash_, _ = rest.partition("#")
     blanks = len(before) - len(before.rstrip(" "))
-    if hash_ and blanks > 1 and not before.strip(" ,;"):
-        room = max(1, blanks - (len(word) - (end - start)))
+    if hash_ and blanks > 2 and not before.strip(" ,;"):
+        room = max(2, blanks - (len(word) - (end - start)))
         at = end + len(before)
         edits.append(Edit(at - blanks, at, " " * room))
     return edits

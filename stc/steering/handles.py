@@ -47,18 +47,16 @@ def body_name(model: Any, body: int) -> str:
 
 
 class Handles(Protocol):
-    """The handles of a frame.
+    """The handles of a frame."""
 
-    Attributes:
-        handles: those.
-    """
+    @property
+    def handles(self) -> Sequence[Handle]:
+        """All of them."""
 
-    handles: Sequence[Handle]
-
-    def values(
+    def reached(
         self, handle: Handle, target: FloatArray, solution: Solution, setup: Setup
-    ) -> dict[str, float]:
-        """The numbers that bring a handle to a target, (3,) m, or as near as it gets.
+    ) -> tuple[dict[str, float], FloatArray]:
+        """The numbers that bring a handle to a target, (3,) m, or as near as it gets, and where it is then.
 
         Args:
             handle: one of those.

@@ -1,8 +1,8 @@
 """The numbers of a spec that can be steered, and the texts with other numbers in their places.
 
-Three kinds of numbers are found: constants that the spec declares as plain numbers; numbers that stand in statements at
-a single frame (``[n/2]: x = 1.1;``, ``keyframe.stand + (0.5, 0, 0);``, ``[n]: foot at 0.4;``) or in the spec's own poses;
-and the coordinates of keyframes of the model that are stated at a frame.
+Three kinds of numbers are found: constants that the spec declares as plain numbers; numbers that stand in statements
+at a single frame (``[n/2]: x = 1.1;``, ``keyframe.stand + (0.5, 0, 0);``), at places of contacts (``foot at 0.4;``) or
+in the spec's own poses; and the coordinates of keyframes of the model that are stated at a frame.
 
 The *working text* is the spec with a constant in the place of each of these, so that another value of any of them is
 solved for without deriving anything again.  :meth:`Knobs.written` is the spec as it was written, comments and layout
@@ -322,7 +322,7 @@ class _Finder:
         self.found.poses.append(site)
 
     def _shift(self, item: syntax.Expression | None, label: str) -> str | None:
-        """The knob of a component of a displacement: a constant that it is, or the number that it is unless that is 0."""
+        """The knob of a component of a displacement: its constant, or its number unless that is 0."""
         if item is None or _literal(item) == 0.0:
             return None
         if isinstance(item, syntax.Name):

@@ -1,4 +1,4 @@
-"""The handles of a pose that the spec states at a frame: the whole of it, the parts of the body, and the feet that stand."""
+"""The handles of a pose that the spec states at a frame: the whole pose, parts of the body, and feet that stand."""
 
 from __future__ import annotations
 
@@ -100,26 +100,29 @@ class PoseHandles:
             found[2] = self._site.shift[2]
         return found
 
-    def values(
+    def reached(
         self, handle: Handle, target: FloatArray, solution: Solution, setup: Setup
-    ) -> dict[str, float]:
-        """The numbers that bring a handle to a target, (3,) m, or as near as it gets."""
+    ) -> tuple[dict[str, float], FloatArray]:
+        """See :meth:`stc.steering.handles.Handles.reached`."""
         stance = Stance(setup.compiled, qpos_at(setup, solution, handle.frame))
+        here = handle.place.point(stance.data)
         if handle.kind == "place":
-            way = target - handle.place.point(stance.data)
-            return {
+            way = np.where([name is not None for name in self._axes], target - here, 0.0)
+            moved = {
                 name: round(solution.constants[name] + float(way[axis]), DECIMALS)
                 for axis, name in enumerate(self._axes)
                 if name
             }
+            return moved, here + way
         staying, dofs = self._standing, self._dofs
         if handle.kind == "foot":
             staying = [place for place in self._standing if place is not handle.place]
             dofs = [dof for dof in self._dofs if dof not in self._root]
-            target = np.array([*target[:2], handle.place.point(stance.data)[2]])
+            target = np.array([*target[:2], here[2]])
         before = stance.qpos
         after = stance.reached(handle.place, target, dofs, staying)
-        return self._changed(before, after, solution)
+        stance.put(after)
+        return self._changed(before, after, solution), handle.place.point(stance.data)
 
     def _changed(self, before: FloatArray, after: FloatArray, solution: Solution) -> dict[str, float]:
         found = {}

@@ -1,4 +1,4 @@
-"""Serves a session to browsers on this machine: one page, and a websocket that carries changes one way, motions the other.
+"""Serves a session to browsers on this machine: a page, and a websocket for changes one way and motions the other.
 
 Only the newest place of what is dragged is worked on: a message that comes while another one waits takes its place.
 Whoever knows the address may steer; it holds a token that is made for each run, and requests are guarded as those of
@@ -180,7 +180,7 @@ class Server:
         while True:
             await self._steered.wait()
             self._steered.clear()
-            # What is asked for while a solve runs is worked out once that has ended: by then something newer may be wanted.
+            # What is asked for during a solve is worked out once that has ended: something newer may be wanted by then.
             self._ready.clear()
             if session.busy:
                 with suppress(TimeoutError):

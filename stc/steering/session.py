@@ -1,7 +1,7 @@
 """A spec that is steered: changes of its numbers, the motions for them, undo and redo, and the text with the numbers.
 
-The session knows no window.  Whoever shows it calls :meth:`Session.drag` and :meth:`Session.turn` as often as the watcher
-moves something, and takes the newest motion when it is told of one.
+The session knows no window.  Whoever shows it calls :meth:`Session.drag` and :meth:`Session.turn` as often as the
+watcher moves something, and takes the newest motion when it is told of one.
 """
 
 from __future__ import annotations
@@ -285,14 +285,17 @@ class Session:
         if pull.handle is not None:
             data = Stance(setup.compiled, qpos_at(setup, setup.solution, pull.handle.frame)).data
             here = pull.handle.place.point(data)
-            left = float(np.linalg.norm(pull.target - here))
+            group = self._group(pull.handle)
+            goal, there = group.reached(pull.handle, pull.target, setup.solution, setup)
+            left = float(np.linalg.norm(there - here))
             if pull.share == 1.0 and left > pull.before - _PROGRESS:
                 self._pull = None
                 return
             pull.before = left
             stride = STRIDE * float(setup.compiled.stat.extent)
-            near = here + (pull.target - here) * min(1.0, stride / max(left, 1e-12))
-            goal = self._group(pull.handle).values(pull.handle, near, setup.solution, setup)
+            if left > stride:
+                near = here + (there - here) * stride / left
+                goal = group.reached(pull.handle, near, setup.solution, setup)[0]
         else:
             goal = pull.values
         if pull.share < 1.0 and not set(goal) & set(self._problem.structural):

@@ -1,5 +1,6 @@
-"""The handles of a frame at which equations tie coordinates to constants, such as ``x = D`` and ``a1 = A1``: the parts of
-the body that these constants move.
+"""The handles of a frame at which equations tie coordinates to constants, such as ``x = D`` and ``a1 = A1``.
+
+They are the parts of the body that these constants move.
 """
 
 from __future__ import annotations
@@ -106,10 +107,10 @@ class StatedHandles:
     def _handle(self, kind: str, label: str, body: int, place: Place, names: tuple[str, ...]) -> Handle:
         return Handle(f"{kind}:{self.frame}:{body}", label, kind, self.frame, body, place, names)
 
-    def values(
+    def reached(
         self, handle: Handle, target: FloatArray, solution: Solution, setup: Setup
-    ) -> dict[str, float]:
-        """The numbers that bring a handle to a target, (3,) m, or as near as it gets."""
+    ) -> tuple[dict[str, float], FloatArray]:
+        """See :meth:`stc.steering.handles.Handles.reached`."""
         q = self._start(solution)
         values = {name: solution.constants[name] for name in handle.knobs}
         columns = [self._names.index(name) for name in handle.knobs]
@@ -130,7 +131,9 @@ class StatedHandles:
             values = {name: value + float(step) for (name, value), step in zip(values.items(), way)}
             q = q + rates[:, columns] @ way
             q = self._back(q, self._given(solution, values), solution)
-        return {name: round(value, DECIMALS) for name, value in values.items()}
+        stance.put(self._qpos(stance, q, setup))
+        point = handle.place.point(stance.data)
+        return {name: round(value, DECIMALS) for name, value in values.items()}, point
 
     # ------------------------------------------------------------------- equations
 
@@ -170,7 +173,7 @@ class StatedHandles:
         return found
 
     def _rates(self, q: FloatArray, constants: Mapping[str, float], solution: Solution) -> FloatArray | None:
-        """(variables, names): how the variables follow the numbers, those that nothing determines as little as can be."""
+        """(variables, names): how the variables follow the numbers; of several such changes the shortest."""
         known = self._known(q, constants, solution)
         by_variables = np.array([self._slopes(row, known) for row in self._rows])
         start = np.array([evaluate(row, known) for row in self._rows])
@@ -215,7 +218,7 @@ class StatedHandles:
     def _moves(
         self, stance: Stance, place: Place, q: FloatArray, rates: FloatArray, setup: Setup
     ) -> FloatArray:
-        """(3, k): how a point of the model moves along k ways of the variables, (variables, k), by central differences."""
+        """(3, k): how a point of the model moves along ways of the variables, (variables, k)."""
         found = np.zeros((3, rates.shape[1]))
         here = stance.qpos
         for k, way in enumerate(rates.T):
