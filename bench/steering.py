@@ -20,7 +20,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -63,38 +62,27 @@ def drag(spec: str, handle: str, speed: float, seconds: float) -> Dragged:
     servers: list[Server] = []
     session = Session(read_source(spec), told=lambda: servers[0].told() if servers else None)
     servers.append(Server(session))
-    address, loop = _served(servers[0])
     try:
-        with TemporaryDirectory() as profile, Browser(profile) as browser:
-            return _dragged(browser, address, handle, speed, seconds)
+        with TemporaryDirectory() as profile, Browser(Path(profile)) as browser:
+            return _dragged(browser, _served(servers[0]), handle, speed, seconds)
     finally:
-        loop.call_soon_threadsafe(lambda: [task.cancel() for task in asyncio.all_tasks(loop)])
+        servers[0].stop()
         session.close()
 
 
-def _served(server: Server) -> tuple[str, asyncio.AbstractEventLoop]:
-    """The address of a page that is served on a thread of its own, and the loop there."""
+def _served(server: Server) -> str:
+    """The address of a page that is served on a thread of its own."""
     found: list[str] = []
-    loops: list[asyncio.AbstractEventLoop] = []
     ready = threading.Event()
 
-    async def run() -> None:
-        loops.append(asyncio.get_running_loop())
+    def tell(address: str) -> None:
+        found.append(address)
+        ready.set()
 
-        def tell(address: str) -> None:
-            found.append(address)
-            ready.set()
-
-        await server.run(0, tell)
-
-    def work() -> None:
-        with suppress(asyncio.CancelledError):
-            asyncio.run(run())
-
-    threading.Thread(target=work, daemon=True).start()
+    threading.Thread(target=lambda: asyncio.run(server.run(0, tell)), daemon=True).start()
     if not ready.wait(60.0):
         raise SystemExit("the page was not served within a minute")
-    return found[0], loops[0]
+    return found[0]
 
 
 def _dragged(browser: Browser, address: str, handle: str, speed: float, seconds: float) -> Dragged:

@@ -53,6 +53,7 @@ class Server:
         self._news = asyncio.Event()  # for who shows
         self._ready = asyncio.Event()  # for who asks
         self._steered = asyncio.Event()
+        self._end = asyncio.Event()
         self._newest: dict[str, Any] | None = None
         self._asked: dict[Any, int] = {}
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -61,16 +62,23 @@ class Server:
 
     def told(self) -> None:
         """Take note, from any thread, that a change has been worked on."""
+        self._call(self._wake)
+
+    def stop(self) -> None:
+        """End :meth:`run`, from any thread."""
+        self._call(self._end.set)
+
+    def _call(self, what: Callable[[], None]) -> None:
         if self._loop is not None:
             with suppress(RuntimeError):  # the loop has ended
-                self._loop.call_soon_threadsafe(self._wake)
+                self._loop.call_soon_threadsafe(what)
 
     def _wake(self) -> None:
         self._news.set()
         self._ready.set()
 
     async def run(self, port: int | None, ready: Callable[[str], None]) -> None:
-        """Serve until cancelled.
+        """Serve until cancelled, or stopped by :meth:`stop`.
 
         Args:
             port: to listen on; None takes the first free one from :data:`FIRST_PORT` on.
@@ -92,10 +100,19 @@ class Server:
                 process_response=lambda connection, request, response: None,
                 compression=None,
             )
-            async with server, asyncio.TaskGroup() as tasks:
+            async with server:
                 ready(f"http://{LOOPBACK}:{bound.getsockname()[1]}/?token={self._token}")
-                tasks.create_task(self._publish())
-                tasks.create_task(self._steer())
+                work = [
+                    asyncio.ensure_future(part) for part in (self._publish(), self._steer(), self._end.wait())
+                ]
+                try:
+                    done, _ = await asyncio.wait(work, return_when=asyncio.FIRST_COMPLETED)
+                finally:
+                    self._judge.stop()
+                    for task in work:
+                        task.cancel()
+                for task in done:
+                    task.result()  # raises what went wrong in it
 
     # ------------------------------------------------------------------- requests
 
