@@ -2,13 +2,17 @@
 
     python -m bench.steering                          # the lamp's landing place and head, the quadruped's landing place
     python -m bench.steering --spec luxo_jump --handle place:72:1 --seconds 20
+    python -m bench.steering --alone                  # without a browser: what a processor has to do for each motion
 
 A page of ``stc steer`` is opened in Chromium without a screen, which must be on the PATH, and a handle is dragged
 back and forth by events of a mouse, 60 in a second.  Told are, in milliseconds, the median and the 90th percentile of
-the time from the newest event that a motion was solved for until that motion has come to the page, and until it has
-been drawn (by the processor: there is no graphics card without a screen), how many motions came per second, and how
-much of a processor's time the solver's process needed for each of them.  On a machine that has other work too, the
-last one is the figure to go by.  Every motion that is shown is a solution, with the solver's usual tolerance.
+the time from the newest event that a motion is for until that motion has been drawn: first the iterate that is near to
+it, whose badge says "solving", then the solution, with the solver's usual tolerance; and how many of both came in a
+second.  It is drawn by the processor, for there is no graphics card without a screen.
+
+On a machine that has other work too these times tell nothing.  With ``--alone`` the handle is moved by the same steps
+as ten motions a second would see, one after another, and the processor's time is told until the first message for the
+page is made, and until that of the solution is: what one would wait with a processor for the solver alone.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ from typing import Any
 import numpy as np
 
 from stc.pipeline import read_source
+from stc.steering.drawn import motion_of
 from stc.steering.server import Server
 from stc.steering.session import Session
 
@@ -50,11 +55,10 @@ REACH, RATE = 0.05, 60.0
 class Dragged:
     """What came of dragging one handle; times in seconds, (k,) one for each motion."""
 
-    received: Any
     drawn: Any
+    solved: Any
     motions: int
     seconds: float
-    processor: float
 
 
 def drag(spec: str, handle: str, speed: float, seconds: float) -> Dragged:
@@ -68,6 +72,26 @@ def drag(spec: str, handle: str, speed: float, seconds: float) -> Dragged:
     finally:
         servers[0].stop()
         session.close()
+
+
+def alone(spec: str, handle: str, speed: float, count: int) -> Any:
+    """(count, 2) seconds of a processor until the first message for each motion, and until that of the solution."""
+    told = threading.Event()
+    session = Session(read_source(spec), told=told.set)
+    here, found = session.points()[handle], []
+    for k in range(count):
+        begin, generation = time.process_time(), session.generation
+        session.drag(handle, here + [REACH * np.sin(speed / REACH * 0.1 * (k + 1)), 0.0, 0.0])
+        times = []
+        for holds in (lambda: session.generation == generation and session.busy, lambda: session.busy):  # noqa: B023
+            while holds():
+                told.wait(0.1)
+                told.clear()
+            motion_of(session, lambda motion: {})
+            times.append(time.process_time() - begin)
+        found.append(times)
+    session.close()
+    return np.array(found)
 
 
 def _served(server: Server) -> str:
@@ -116,24 +140,19 @@ def _dragged(browser: Browser, address: str, handle: str, speed: float, seconds:
         "Input.dispatchMouseEvent", type=kind, x=at, y=y, button="left", buttons=held, clickCount=1
     )
     mouse("mousePressed", x, 1)
-    ask("window.steering.latencies.length = window.steering.received.length = window.steering.motions = 0")
-    begin, worked, last = time.perf_counter(), _worked(), 0.0
+    ask("window.steering.latencies.length = window.steering.solved.length = window.steering.motions = 0")
+    begin, last = time.perf_counter(), 0.0
     while (now := time.perf_counter() - begin) < seconds:
         mouse("mouseMoved", x + pixels * REACH * np.sin(speed / REACH * now), 1)
         last += 1.0 / RATE
         time.sleep(max(0.0, last - (time.perf_counter() - begin)))
     found = json.loads(ask("JSON.stringify(window.steering)"))
-    passed, processor = time.perf_counter() - begin, _worked() - worked
+    passed = time.perf_counter() - begin
     mouse("mouseReleased", x, 0)
     if found["errors"]:
         raise SystemExit(f"the page went wrong: {found['errors'][0]}")
-    received, drawn = (1e-3 * np.array(found[name]) for name in ("received", "latencies"))
-    return Dragged(received, drawn, found["motions"], passed, processor)
-
-
-def _worked() -> float:
-    """Seconds of a processor that all threads but this one, which moves the mouse, have had."""
-    return time.process_time() - time.thread_time()
+    drawn, solved = (1e-3 * np.array(found[name]) for name in ("latencies", "solved"))
+    return Dragged(drawn, solved, found["motions"], passed)
 
 
 def _until(holds: Callable[[], Any], otherwise: str, seconds: float = 60.0) -> None:
@@ -152,25 +171,33 @@ def main() -> None:
     parser.add_argument("--handle", help="its key, as the page has it")
     parser.add_argument("--speed", type=float, default=0.1, help="the fastest that the mouse moves, in m/s")
     parser.add_argument("--seconds", type=float, default=15.0, help="for which each handle is dragged")
+    parser.add_argument("--alone", action="store_true", help="without a browser")
     options = parser.parse_args()
+    chosen = [(options.spec, options.handle, options.speed)] if options.spec else USUAL
+    if options.alone:
+        print("processor's ms                               first shown    solved")
+        print("spec           handle                       median  90 %  median  90 %")
+        for spec, handle, speed in chosen:
+            print(_row(spec, handle, *alone(spec, handle, speed, 40).T), flush=True)
+        return
     if not CHROMIUM:
         raise SystemExit("there is no Chromium on the PATH")
-    chosen = [(options.spec, options.handle, options.speed)] if options.spec else USUAL
-    print("                                             received        drawn     motions  processor")
-    print("spec           handle                       median  90 %  median  90 %   per s   per motion")
+    print("ms                                           first drawn   solved, drawn  motions")
+    print("spec           handle                       median  90 %  median  90 %    per s")
     for spec, handle, speed in chosen:
         found = drag(spec, handle, speed, options.seconds)
-        if not len(found.drawn):
-            print(f"{spec:14s} {handle:28s} no motion in {options.seconds:g} s")
+        if not len(found.solved):
+            print(f"{spec:14s} {handle:28s} no solution in {options.seconds:g} s")
             continue
-        times = [
-            1e3 * float(np.quantile(part, q)) for part in (found.received, found.drawn) for q in (0.5, 0.9)
-        ]
-        row = " ".join(f"{value:6.0f}" for value in times)
-        each = 1e3 * found.processor / max(1, found.motions)
         print(
-            f"{spec:14s} {handle:28s} {row} {found.motions / found.seconds:7.1f} {each:9.0f} ms", flush=True
+            f"{_row(spec, handle, found.drawn, found.solved)} {found.motions / found.seconds:8.1f}",
+            flush=True,
         )
+
+
+def _row(spec: str, handle: str, first: Any, solved: Any) -> str:
+    times = [1e3 * float(np.quantile(part, q)) for part in (first, solved) for q in (0.5, 0.9)]
+    return f"{spec:14s} {handle:28s} " + " ".join(f"{value:6.0f}" for value in times)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -94,12 +95,12 @@ def scene_of(session: Session) -> dict[str, Any]:
     }
 
 
-def motion_of(session: Session, told: dict[str, Any]) -> bytes:
+def motion_of(session: Session, told: Callable[[Solution], dict[str, Any]]) -> bytes:
     """The newest motion as one message: the length of the header, the header as JSON, then (k, bodies, 7) numbers.
 
     Args:
         session: whose motion it is.
-        told: what else the header says.
+        told: what else the header says of it.
     """
     setup = session.shown()
     solution: Solution = setup.solution
@@ -115,10 +116,11 @@ def motion_of(session: Session, told: dict[str, Any]) -> bytes:
             str(handle.frame): float(solution.time[min(handle.frame, solution.n)])
             for handle in session.handles.values()
         },
-        "handles": [np.round(point, 6).tolist() for point in session.points().values()],
+        "handles": [np.round(point, 6).tolist() for point in session.points(setup).values()],
         "values": {name: solution.constants[name] for name in session.knobs.knobs},
+        "solved": solution.status == "optimal",
         "objective": solution.objective,
-        **told,
+        **told(solution),
     }
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 4)

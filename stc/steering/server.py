@@ -171,7 +171,7 @@ class Server:
         session = self._session
         self._note = ""
         if kind == "release":
-            while self._newest is not None:  # what was asked for last belongs to the gesture
+            while self._newest is not None and not self._end.is_set():  # what was asked for last belongs to the gesture
                 await asyncio.sleep(0.005)
             session.release()
         elif kind in ("undo", "redo"):
@@ -247,9 +247,7 @@ class Server:
             self._asked.setdefault(_key(self._session.wanted), number)
 
     def _motion(self) -> bytes:
-        solution = self._session.solution
-        number = self._asked.get(_key(solution.overrides), 0)
-        return motion_of(self._session, {"number": number})
+        return motion_of(self._session, lambda motion: {"number": self._asked.get(_key(motion.overrides), 0)})
 
     def _state(self) -> dict[str, Any]:
         session = self._session

@@ -93,7 +93,6 @@ class Session:
     Attributes:
         knobs: what can be steered.
         model: the working text, of which all motions are.
-        setup: the motion on show, tied to its model.
         sliders: one for each number that the spec writes.
         handles: by key.
         target: the file that the spec is written to.
@@ -144,7 +143,7 @@ class Session:
                 "steering starts from a solution; `stc solve` tells more about why there is none",
                 solution.status,
             )
-        self.setup: Setup = prepare(solution, None)
+        self._setups = [prepare(solution, None)]
         self._problem = problem
         self._groups = self._found_handles()
         self.sliders = self._sliders(solution)
@@ -152,7 +151,9 @@ class Session:
         self._future: list[Solution] = []
         self._in_gesture = False
         self._pull: _Pull | None = None
-        self._tweaks = TweakSession(solution, [], told, grace=GRACE, max_iterations=_ITERATIONS)
+        self._tweaks = TweakSession(
+            solution, [], told, grace=GRACE, max_iterations=_ITERATIONS, sketches=True
+        )
 
     # ------------------------------------------------------------------- what there is
 
@@ -199,9 +200,9 @@ class Session:
         """Whether something was undone."""
         return bool(self._future)
 
-    def points(self) -> dict[str, FloatArray]:
-        """(3,) where each handle is in the motion on show, in m."""
-        setup, found = self.shown(), {}
+    def points(self, setup: Setup | None = None) -> dict[str, FloatArray]:
+        """(3,) where each handle is in a motion, in m; in the last solution where none is given."""
+        setup, found = setup or self._tied(self.solution), {}
         stances: dict[int, Stance] = {}
         for key, handle in self.handles.items():
             frame = min(handle.frame, setup.solution.n)
@@ -211,16 +212,21 @@ class Session:
         return found
 
     def shown(self) -> Setup:
-        """The newest motion, tied to its model; the model is set up once, and takes on what the spec sets in it."""
-        solution = self.solution
-        if self.setup.solution is not solution:
-            compiled = self.setup.compiled
-            fields = apply_fields(compiled, solution)
-            ties = tied_joints(compiled, solution)
-            self.setup = replace(
-                self.setup, solution=solution, fields=fields, ties=ties, reference=Reference(solution, ties)
-            )
-        return self.setup
+        """The motion to be shown, tied to its model: the last solution, or an iterate that is near to the next one."""
+        return self._tied(self._tweaks.sketch or self.solution)
+
+    def _tied(self, solution: Solution) -> Setup:
+        """A motion tied to its model, which is set up once, and takes on what the spec sets in it."""
+        for setup in self._setups:
+            if setup.solution is solution:
+                return setup
+        first = self._setups[0]
+        fields = apply_fields(first.compiled, solution)
+        ties = tied_joints(first.compiled, solution)
+        reference = Reference(solution, ties)
+        made = replace(first, solution=solution, fields=fields, ties=ties, reference=reference)
+        self._setups = [made, *self._setups[:2]]
+        return made
 
     # ------------------------------------------------------------------- steering
 
@@ -280,7 +286,7 @@ class Session:
 
     def _bring(self, pull: _Pull) -> None:
         """Ask for the motion in which everything is as it was asked for, or a stride nearer to that."""
-        setup = self.shown()
+        setup = self._tied(self.solution)
         constants = setup.solution.constants
         if pull.handle is not None:
             data = Stance(setup.compiled, qpos_at(setup, setup.solution, pull.handle.frame)).data
@@ -400,7 +406,7 @@ class Session:
 
     def _found_handles(self) -> list[Handles]:
         """The handles of each frame that has any; where a pose is stated, those of the pose."""
-        knobs, setup, problem = self.knobs, self.setup, self._problem
+        knobs, setup, problem = self.knobs, self._setups[0], self._problem
         poses: dict[int, Handles] = {}
         for site in knobs.poses:
             if 0 <= site.frame <= problem.n and site.frame not in poses:

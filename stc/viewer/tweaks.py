@@ -20,6 +20,9 @@ from stc.viewer.constants import Constant, constants_of
 #: A solve for a wish that is no longer the newest may take so long, in seconds, before it is stopped.
 GRACE = 0.3
 
+#: An iterate that violates what is stated by no more, and is as near to optimal, looks like the solution.
+NEAR, NEARLY_OPTIMAL = 1e-3, 5e-2
+
 #: No change of a constant is worked on for longer than this, in seconds.
 TIME_LIMIT = 30.0
 
@@ -68,7 +71,8 @@ class TweakSession:
 
     Attributes:
         solution: the newest motion that was found.
-        generation: grows by one with each of them.
+        generation: grows by one with each of them, and with each sketch.
+        sketch: an iterate that is near to the solution that is being worked on; None where there is none.
         constants: what may be turned, with the values at the start.
         outcome: of the last wish that was worked on; None before the first.
         busy: whether a solve runs.
@@ -83,6 +87,7 @@ class TweakSession:
         *,
         grace: float = GRACE,
         max_iterations: int | None = None,
+        sketches: bool = False,
     ) -> None:
         """Start from a solution, whose spec must be known to it.
 
@@ -92,16 +97,18 @@ class TweakSession:
             told: called from the session's thread whenever a wish has been worked on.
             grace: seconds that a solve may take for a wish that is no longer the newest.
             max_iterations: of a solve; the solver's own limit where it is None.
+            sketches: whether to offer an iterate that is near to a solution before that is found.
         """
         self.solution = solution
         self.generation = 0
+        self.sketch: Solution | None = None
         self.constants = constants
         self.outcome: Outcome | None = None
         self.busy = False
         self.iteration = 0
         self._wanted = dict(solution.overrides)
         self._pending: _Wish | None = None
-        self._grace, self._most = grace, max_iterations
+        self._grace, self._most, self._sketches = grace, max_iterations, sketches
         self._told = told or (lambda: None)
         self._epoch = 0  # grows when another motion is put in the place of what is worked on
         self._change = threading.Condition()
@@ -150,7 +157,7 @@ class TweakSession:
             self._epoch += 1
             self._wanted = dict(solution.overrides)
             self._pending = None
-            self.solution, self.outcome = solution, None
+            self.solution, self.outcome, self.sketch = solution, None, None
             self.generation += 1
             self._change.notify_all()
 
@@ -179,20 +186,35 @@ class TweakSession:
             with self._change:
                 if wish.epoch == self._epoch:
                     self.outcome = outcome
-                    if found is not None:
-                        self.solution = found
+                    # A sketch on the way to something newer is better than the motion before it.
+                    if found is not None or (self.sketch is not None and outcome.status != "superseded"):
+                        self.solution, self.sketch = found or self.solution, None
                         self.generation += 1
                 self.busy = False
                 self._change.notify_all()
             self._told()
 
+    def _offer(self, record: Any, wish: _Wish) -> None:
+        """Show an iterate as a sketch of what is being worked on."""
+        method = self.solution.method
+        sketch = model_of(self.solution).reached(record, method=method, constants=wish.values)
+        with self._change:
+            if wish.epoch == self._epoch:
+                self.sketch = sketch
+                self.generation += 1
+        self._told()
+
     def _attempt(self, wish: _Wish) -> tuple[Outcome, Solution | None]:
         begin = time.perf_counter()
-        superseded = False
+        superseded, sketched = False, not self._sketches
 
         def look(record: Any) -> bool:
-            nonlocal superseded
+            nonlocal superseded, sketched
             self.iteration = record.iteration
+            near = record.violation <= NEAR and record.optimality <= NEARLY_OPTIMAL
+            if not sketched and near and record.iteration and record.x is not None:
+                sketched = True
+                self._offer(record, wish)
             superseded = self._pending is not None and time.perf_counter() - begin > self._grace
             return superseded or self._closed or wish.epoch != self._epoch
 

@@ -33,7 +33,7 @@
   let selected = null, playing = true, time = 0, last = 0, held = null, dirty = true;
   const camera = { centre: [0, 0, 0.3], distance: 2.5, azimuth: 90, elevation: -12, found: false };
   // Milliseconds from a change until its motion, or a later one's, was drawn: read by the measurement.
-  const steering = (window.steering = { latencies: [], received: [], motions: 0, sent: 0, errors: [] });
+  const steering = (window.steering = { latencies: [], received: [], solved: [], motions: 0, sent: 0, errors: [] });
   const asked = new Map();
   window.addEventListener("error", (event) => steering.errors.push(String(event.message)));
 
@@ -258,7 +258,7 @@
   const send = (message) => {
     number += 1;
     steering.sent = number;
-    asked.set(number, performance.now());
+    asked.set(number, { begin: performance.now(), seen: false });
     tell({ ...message, number });
   };
   const arrived = (told, data) => {
@@ -276,9 +276,11 @@
     if (gl) gl.finish();
     const now = performance.now();
     steering.motions += 1;
-    for (const [k, begin] of asked) if (k <= told.number) {
-      if (k === told.number) { steering.latencies.push(now - begin); steering.received.push(came - begin); }
-      asked.delete(k);
+    for (const [k, entry] of asked) if (k <= told.number) {
+      if (k === told.number && !entry.seen) { steering.latencies.push(now - entry.begin); steering.received.push(came - entry.begin); }
+      if (k === told.number && told.solved) steering.solved.push(now - entry.begin);
+      entry.seen = true;
+      if (k < told.number || told.solved) asked.delete(k);
     }
     for (const slider of scene.sliders) slider.follow(told.values[slider.name]);
     if (held) show(held.index);
