@@ -129,6 +129,13 @@ def test_the_searches_from_python_work() -> None:
     assert names["sure"].verified and len(names["found"].optima) >= 1  # type: ignore[attr-defined]
 
 
+def test_the_steering_from_python_works() -> None:
+    (block,) = blocks("docs/steering.md", "python")
+    names: dict[str, object] = {}
+    exec(block, names)
+    assert names["session"].text() == names["read_source"]("luxo_poses").text  # type: ignore
+
+
 def test_the_sweep_from_python_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}

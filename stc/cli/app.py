@@ -404,13 +404,16 @@ def steer(
             help="Where the steered text is written; default: the spec itself, of a bundled one NAME.stc here.",
         ),
     ] = None,
+    native: Annotated[
+        bool, typer.Option("--native", help="In a window of MuJoCo's viewer, not in a browser.")
+    ] = False,
     settings: Set = None,
     method: Method = None,
     time_limit: TimeLimit = None,
 ) -> int:
     """Steer a motion by hand in a browser: drag what the spec states, and write it back into its text."""
     options = solve_options(settings, method, time_limit=time_limit)
-    return steering.steer(spec, options, port, output)
+    return steering.steer(spec, options, port, output, native=native)
 
 
 @app.command()

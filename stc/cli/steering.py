@@ -17,12 +17,15 @@ if TYPE_CHECKING:
     from stc.steering.server import Server
 
 
-def steer(spec: str, options: SolveOptions, port: int | None, output: str | None) -> int:
-    """Serve the page until Ctrl-C.
+def steer(
+    spec: str, options: SolveOptions, port: int | None, output: str | None, *, native: bool = False
+) -> int:
+    """Serve the page, or open a window, until Ctrl-C.
 
     Raises:
         UsageError: a port that cannot be listened on, a file that is not to be written over, nothing to steer.
         UnsolvedError: the spec has no motion to begin with.
+        DisplayError: there is no display for a window.
     """
     from stc.pipeline import read_source
     from stc.viewer.addresses import LOOPBACK, require_address
@@ -32,6 +35,12 @@ def steer(spec: str, options: SolveOptions, port: int | None, output: str | None
             f"`{spec}` is a solution, and what is steered is a spec",
             "name the spec that it was solved from; `stc view` shows a solution",
         )
+    if native:
+        from stc.viewer.windows import require_display
+
+        if port is not None:
+            raise UsageError("--port is of the page, and --native opens a window")
+        require_display()
     if port is not None:
         if not 0 <= port < 65536:
             raise UsageError(f"--port must lie between 0 and 65535, not {port}")
@@ -55,9 +64,14 @@ def steer(spec: str, options: SolveOptions, port: int | None, output: str | None
         method=options.method,
         time_limit=options.time_limit,
     )
-    server = Server(session)
     try:
-        asyncio.run(server.run(port, _tell))
+        if native:
+            from stc.steering.native import open_window
+
+            open_window(session)
+        else:
+            server = Server(session)
+            asyncio.run(server.run(port, _tell))
     except KeyboardInterrupt:
         pass
     finally:

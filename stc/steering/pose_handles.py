@@ -61,17 +61,18 @@ class PoseHandles:
             self._dofs += movable
             if of_root:
                 self._root += dofs
-        self.handles = list(self._found(model, standing, knobs))
+        self.handles = list(self._found(setup, standing, knobs))
 
-    def _found(self, model: Any, standing: Sequence[tuple[str, Place]], knobs: Knobs) -> Iterator[Handle]:
-        site, data = self._site, Stance(model, model.qpos0)
+    def _found(self, setup: Setup, standing: Sequence[tuple[str, Place]], knobs: Knobs) -> Iterator[Handle]:
+        site = self._site
+        model = setup.compiled
+        data = Stance(model, qpos_at(setup, setup.solution, site.frame))
         bodies = moving_bodies(model)
         self._axes = self._of_axes(knobs)
-        if any(self._axes) and bodies:
-            root = bodies[0]
-            yield self._handle("place", f"the whole pose {site.label}", root, data.middle(root), tuple(
-                name for name in self._axes if name
-            ))  # fmt: skip
+        moving = tuple(name for name in self._axes if name)
+        if moving and bodies:
+            below = _below(data, bodies[0], [place for _, place in standing])
+            yield self._handle("place", f"the whole pose {site.label}", bodies[0], below, moving)
         names = tuple(dict.fromkeys(site.coordinates.values()))
         stood = {place.body for _, place in standing}
         if self._dofs:
@@ -94,7 +95,7 @@ class PoseHandles:
         found: list[str | None] = list(self._site.shift)
         for path, name in self._site.coordinates.items():
             axis = "xyz".find(path.rpartition(".")[2])
-            if parts_of(path)[0] == "joint" and self._address[path] < 3 and axis >= 0 and found[axis] is None:
+            if len(parts_of(path)) == 3 and self._address[path] < 3 and axis >= 0 and found[axis] is None:
                 found[axis] = name
         if self._standing:  # what stands on the floor stays there
             found[2] = self._site.shift[2]
@@ -145,6 +146,15 @@ class PoseHandles:
     def _quaternion(path: str) -> list[str]:
         joint = path.rpartition(".")[0]
         return [f"{joint}.{part}" for part in ("qw", "qx", "qy", "qz")]
+
+
+def _below(stance: Stance, body: int, standing: Sequence[Place]) -> Place:
+    """A point that goes with a body, below its middle: on the floor where something stands there."""
+    point = stance.middle(body).point(stance.data)
+    lowest = min((float(place.point(stance.data)[2]) for place in standing), default=float(point[2]))
+    there = np.array([point[0], point[1], lowest])
+    frame = stance.data.xmat[body].reshape(3, 3)
+    return Place(body, frame.T @ (there - stance.data.xpos[body]))
 
 
 def standing_places(knobs: Knobs, problem: Problem, model: Any, frame: int) -> list[tuple[str, Place]]:

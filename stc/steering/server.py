@@ -171,7 +171,9 @@ class Server:
         session = self._session
         self._note = ""
         if kind == "release":
-            while self._newest is not None and not self._end.is_set():  # what was asked for last belongs to the gesture
+            while (
+                self._newest is not None and not self._end.is_set()
+            ):  # what was asked for last belongs to the gesture
                 await asyncio.sleep(0.005)
             session.release()
         elif kind in ("undo", "redo"):

@@ -37,7 +37,7 @@ GRACE = 1.5
 
 #: A handle is brought no farther at once than by this share of the model's size: nearby solves are quick and certain.
 #: What is farther away is reached in several motions.
-STRIDE = 0.05
+STRIDE = 0.03
 
 #: Iterations after which a change counts as too large. It is tried again with a half of it, down to this share.
 _ITERATIONS, _LEAST = 150, 1.0 / 16.0
