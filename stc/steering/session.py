@@ -40,7 +40,7 @@ GRACE = 1.5
 STRIDE = 0.03
 
 #: Iterations after which a change counts as too large. It is tried again with a half of it, down to this share.
-_ITERATIONS, _LEAST = 150, 1.0 / 16.0
+_ITERATIONS, _LEAST = 100, 1.0 / 16.0
 
 #: A handle that comes no nearer to where it is dragged than by this, in m, has come as near as it gets.
 _PROGRESS = 5e-4

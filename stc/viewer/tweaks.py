@@ -221,9 +221,12 @@ class TweakSession:
         found: Solution | None = None
         iterations = 0
         try:
-            found = self.solution.resolve(
-                constants=wish.values, callback=look, time_limit=TIME_LIMIT, max_iterations=self._most
-            )
+            limits = {"callback": look, "time_limit": TIME_LIMIT, "max_iterations": self._most}
+            found = self.solution.resolve(constants=wish.values, **limits)
+            if found.status in ("iteration_limit", "failed"):
+                # Multipliers of a motion that differs in what is at its bounds lead astray: from the motion alone.
+                start = {"warm_start": None, "guess": self.solution}
+                found = self.solution.resolve(constants=wish.values, **start, **limits)
             status, iterations = found.status, found.iterations
             message = "" if status == "optimal" else found.message
             if superseded and status == "interrupted":
