@@ -31,6 +31,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.document import ROOT, machine, put
 from stc.pipeline import read_source
 from stc.steering.drawn import motion_of
 from stc.steering.server import Server
@@ -172,13 +173,20 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=0.1, help="the fastest that the mouse moves, in m/s")
     parser.add_argument("--seconds", type=float, default=15.0, help="for which each handle is dragged")
     parser.add_argument("--alone", action="store_true", help="without a browser")
+    parser.add_argument(
+        "--write", action="store_true", help="write what is measured alone into docs/steering.md"
+    )
     options = parser.parse_args()
     chosen = [(options.spec, options.handle, options.speed)] if options.spec else USUAL
     if options.alone:
         print("processor's ms                               first shown    solved")
         print("spec           handle                       median  90 %  median  90 %")
+        rows = []
         for spec, handle, speed in chosen:
-            print(_row(spec, handle, *alone(spec, handle, speed, 40).T), flush=True)
+            rows.append((spec, handle, *alone(spec, handle, speed, 40).T))
+            print(_row(*rows[-1]), flush=True)
+        if options.write:
+            put("measured", _table(rows), ROOT / "docs" / "steering.md")
         return
     if not CHROMIUM:
         raise SystemExit("there is no Chromium on the PATH")
@@ -193,6 +201,17 @@ def main() -> None:
             f"{_row(spec, handle, found.drawn, found.solved)} {found.motions / found.seconds:8.1f}",
             flush=True,
         )
+
+
+def _table(rows: list[tuple[str, str, Any, Any]]) -> str:
+    lines = [
+        "| dragged | first motion: median, 90 % | solution: median, 90 % |",
+        "| --- | --- | --- |",
+    ]
+    for spec, handle, *parts in rows:
+        times = [", ".join(f"{1e3 * np.quantile(part, q):.0f} ms" for q in (0.5, 0.9)) for part in parts]
+        lines.append(f"| `{spec}`, `{handle}` | {times[0]} | {times[1]} |")
+    return "\n".join([*lines, "", f"On {machine()}."])
 
 
 def _row(spec: str, handle: str, first: Any, solved: Any) -> str:

@@ -308,10 +308,10 @@ class Session:
             goal = {
                 name: constants[name] + pull.share * (value - constants[name]) for name, value in goal.items()
             }
-        if all(self._tweaks.wanted(name) == value for name, value in goal.items()):
-            self._pull = None
-        else:
+        if any(self._tweaks.wanted(name) != value for name, value in goal.items()):
             self._tweaks.turn(**goal)
+        elif not self.busy:  # else it is being solved for already, and there is a way to go from there
+            self._pull = None
 
     def release(self) -> None:
         """Tell that what was held is let go: what comes next is undone by itself."""

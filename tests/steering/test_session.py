@@ -149,6 +149,19 @@ def test_a_new_file_is_written_for_a_bundled_spec(session, tmp_path):
     assert file.read_text() == read_source("particle_waypoints").text.replace("x1 = 0.5,", "x1 = 0.625,")
 
 
+def test_a_drag_that_is_told_again_while_it_is_worked_on_goes_on(session):
+    poses = session("luxo_poses")
+    key = next(h.key for h in poses.handles.values() if h.frame == 60 and "A3" in h.knobs)
+    target = poses.points()[key] + [0.05, 0.0, -0.06]  # several strides away
+    for _ in range(5):
+        poses.drag(key, target)
+    poses.release()
+    assert poses.wait()
+    assert np.allclose(poses.points()[key], target, atol=3e-4)
+    assert poses.undo()  # all of it is one gesture
+    assert not poses.can_undo
+
+
 @pytest.mark.slow
 def test_a_standing_quadruped_is_dragged_and_its_feet_stay(session):
     hop = session("quadruped_hop")
