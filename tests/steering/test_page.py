@@ -137,9 +137,11 @@ def test_a_slider_a_key_and_a_lost_connection(tmp_path):
             assert session.solution.constants["g"] == 8.5
             page.ask(f"({HEAD}).focus()")
             key = page.ask(f"({HEAD}).dataset.key")
-            before = session.points()[key]
+            before, shown = session.points()[key], session.solution
             browser.call("Input.dispatchKeyEvent", type="keyDown", key="ArrowUp")
-            page.wait("window.steering.motions > 2")
+            end = time.monotonic() + 60.0
+            while session.solution is shown and time.monotonic() < end:
+                time.sleep(0.05)
             assert session.wait()
             assert np.allclose(session.points()[key] - before, [0.0, 0.0, 0.01], atol=2e-3)
         page.wait("!document.getElementById('lost').hidden")

@@ -116,7 +116,9 @@ def test_a_drag_ends_where_it_was_dragged_last_and_can_be_undone(page, browser):
     here = browser.next("motion")["handles"][handle]
     for k in range(60):
         browser.tell(type="drag", handle=key, target=[here[0] + 0.002 * k, 0.0, here[2]])
-    last = browser.next("motion", lambda told: told["number"] == 60 and told["solved"])
+    # What is far away is reached in several motions.
+    last = browser.next("motion", lambda told: told["solved"] and told["values"]["x1"] > 0.6179)
+    assert last["number"] == 60
     assert last["handles"][handle] == pytest.approx([0.618, 0.0, 0.8], abs=1e-4)
     assert session.generation < 60  # most were dropped for something newer
     browser.tell(type="release")
