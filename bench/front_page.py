@@ -33,7 +33,7 @@ MOTION, HEAVIER = "luxo_jump", 1.01
 
 @dataclass(frozen=True)
 class Tracked:
-    """A replay with feedback: errors (base as a share of its path length, joints in rad) and shares of the feedback in torques."""
+    """A replay with feedback: errors (base as a share of its travel, joints in rad) and shares of the feedback in torques."""
 
     base: float
     joints: float
@@ -43,7 +43,7 @@ class Tracked:
 
 @dataclass(frozen=True)
 class Figures:
-    """The figures of the table: errors of the base as shares of its path length, errors of joints in rad."""
+    """The figures of the table: errors of the base as shares of its travel, errors of joints in rad."""
 
     base: float
     joints: float

@@ -168,7 +168,7 @@ def tables(names: Sequence[str]) -> str:
             "|" + " --- |" * 8,
             *[in_the_air(name) for name in names if name in OTHERS],
         ],
-        ["Of models, base as a share of its way and the worst joint, RMS on the ground, largest without it:"],
+        ["Of models, base as a share of its travel and the worst joint, RMS on the ground, largest without it:"],
         [
             "| motion | frames | unknowns | iterations | growth of errors | tracked: base | joints "
             "| share of the feedback, worst motor | energy balance | verdict |",

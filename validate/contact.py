@@ -51,7 +51,7 @@ def contact_metrics(
     if base:
         most = limits.CONTACT_TRACKED_BASE if tracked else limits.CONTACT_BASE
         share = _base_share(setup, base, motion, forces, limits.CONTACT_HEIGHT / most)
-        rows.append(("base", share, "of its way", most, limits.CONTACT_END_BASE))
+        rows.append(("base", share, "of travel", most, limits.CONTACT_END_BASE))
     for tie, distance in zip(others, _distances(others, motion.positions)):
         allowed = limits.CONTACT_TRACKED_JOINTS if tracked else limits.CONTACT_JOINTS
         most, at_end = (
@@ -71,7 +71,7 @@ def contact_metrics(
 def _base_share(
     setup: Setup, base: list[Coordinate], motion: Replay, forces: Sequence[ContactForces], height: float
 ) -> FloatArray:
-    """(n+1,) how far the base is from its place, each slide as a share of its own way.
+    """(n+1,) how far the base is from its place, each slide as a share of its own travel (largest minus smallest value).
 
     A long way along the ground excuses no gap between the two, so that the error along the contacts' normals is
     measured against ``height`` as well.  What slides with friction bounces on stiff ground, and so does the friction:

@@ -50,7 +50,7 @@ class Envelope:
 
     Attributes:
         kind: one of :data:`KINDS`.
-        base: (samples,) RMS distance of the base from the solved motion, as a share of its way; of the sliding joints
+        base: (samples,) RMS distance of the base from the solved motion, as a share of its travel; of the sliding joints
             in m where the motion is not one on the ground.  Infinite for a simulation that broke down.
         joints: (samples,) RMS distance of the joints, in rad.
         lost: (samples,) whether a joint left the solved motion by more than :data:`limits.LOST`: a lamp that fell.
@@ -83,7 +83,7 @@ class Robustness:
 
     Attributes:
         spec: its name.
-        base_unit: of the base's errors: ``of its way`` or ``m``.
+        base_unit: of the base's errors: ``of travel`` or ``m``.
         seed: of the random numbers.
         envelopes: one per kind.
         simulator: name and version.
@@ -196,7 +196,7 @@ def robustness(
     integrator = mujoco.mjtIntegrator(setup.compiled.opt.integrator).name.removeprefix("mjINT_").lower()
     return Robustness(
         setup.solution.name,
-        "of its way" if len(setup.contact) else "m",
+        "of travel" if len(setup.contact) else "m",
         seed,
         envelopes,
         f"MuJoCo {mujoco.mj_versionString()}",
