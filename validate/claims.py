@@ -70,7 +70,7 @@ class Claims:
 
     @property
     def told(self) -> str:
-        """What is the solution's own word, in one line."""
+        """The figures of the solution that cannot be recomputed, in one line."""
         return "; ".join(f"{label}: {text}" for label, text in self.words)
 
     @property

@@ -35,7 +35,7 @@ class Report:
         steps: number of time steps of the replay.
         tracked_by: the feedback of the tracked replay, ``LQR`` or ``PD``; "" without one.
         metrics: everything that was measured.
-        claims: what the solution says of itself, recomputed; with what is its own word.
+        claims: the figures that the solution states, with their recomputed values, and those that cannot be recomputed.
         faults: what else does not hold, one line each: the model is not the one that was solved for.
         unjudged: names of measurements that could not be made and would be with other motions or models.
         notes: what a reader should know besides.
@@ -136,7 +136,7 @@ class Report:
             style="dim",
         )
         if self.claims.words:
-            yield Text(f"the solution's own word: {self.claims.told}", style="dim")
+            yield Text(f"stated by the solution, not recomputed: {self.claims.told}", style="dim")
         for note in self.notes:
             yield Text(f"note: {note}", style="yellow")
         for line in self.findings:

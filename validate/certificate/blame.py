@@ -60,7 +60,7 @@ def rank(metric: Metric) -> int:
 
 
 def headline(metrics: Sequence[Metric], findings: Sequence[str], compared: bool) -> str:
-    """The verdict in one line.
+    """The verdict in one line: the first finding, else the worst failure, else the measurement closest to its limit.
 
     Args:
         metrics: everything that was measured.
@@ -86,13 +86,13 @@ def _all_well(metrics: Sequence[Metric]) -> str:
     nearest = max(judged, key=lambda m: margin(m) or 0.0)
     share = 100.0 * (margin(nearest) or 0.0)
     return (
-        f"{len(judged)} measurements within their limits; nearest to its own is the {nearest.name} of "
-        f"{nearest.subject}, {share:.2g} % of it"
+        f"{len(judged)} measurements within their limits; closest to its limit: {nearest.name} "
+        f"({nearest.subject}), at {share:.2g} %"
     )
 
 
 def others(metrics: Sequence[Metric], findings: Sequence[str], most: int = 8) -> list[str]:
-    """What else is wrong, in lines, after the headline."""
+    """Further findings and failures, one line each, which follow the headline."""
     lines = list(findings[1:])
     failed = sorted((m for m in metrics if m.verdict == "fail"), key=lambda m: (rank(m), -(margin(m) or 0.0)))
     start = 0 if findings else 1

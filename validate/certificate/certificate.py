@@ -171,7 +171,7 @@ class Certificate:
         if report.tracked_by:
             facts.append(("feedback", report.tracked_by))
         if report.claims.words:
-            facts.append(("the solution's own word", report.claims.told))
+            facts.append(("stated by the solution, not recomputed", report.claims.told))
         return facts
 
     def to_dict(self) -> dict[str, Any]:
