@@ -383,8 +383,8 @@ def test_a_spec_without_a_replay_section_is_solved_but_not_validated(stc_: Stc) 
         (["new", "point"], "exists already"),
         (["new", "point.stc/inside"], "point.stc/inside.stc"),
         (["solve", "point", "--tolerance", "1e-30"], "between 1e-14 and 1, not 1e-30"),
-        (["validate", "point", "--samples", "3"], "--samples is for --robustness"),
-        (["validate", "point", "--seed", "3"], "--seed is for --robustness"),
+        (["validate", "point", "--samples", "3"], "--samples can only be used with --robustness"),
+        (["validate", "point", "--seed", "3"], "--seed can only be used with --robustness"),
     ],
 )
 def test_mistakes_get_a_message_and_exit_2(stc_: Stc, words: list[str], expected: str) -> None:

@@ -81,7 +81,7 @@ def test_the_command_reports_the_envelope(
     assert run(["validate", path, "--robustness", "--samples", "1"]) == 0
     assert "perturbed replays with feedback, seed 0" in capsys.readouterr().out
     assert run(["validate", path, "--robustness", "--order"]) == 2
-    assert "--robustness goes without" in capsys.readouterr().err
+    assert "--robustness cannot be combined with" in capsys.readouterr().err
 
 
 def test_a_motion_that_nothing_holds_is_told_of(
