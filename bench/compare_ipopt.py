@@ -40,10 +40,11 @@ WORDS = {
 
 HEAD = """# Against IPOPT
 
-`python bench/compare_ipopt.py --write docs/ipopt.md` writes this page. It compares statuses, objectives and iterations on
-problems with known answers. Both solvers get the same nonlinear programs, starting points and exact derivatives. The known
-answer of a classic of optimal control is the better of the results that IPOPT and stc had found before. `(!)` marks an answer
-that differs from the known one. IPOPT relaxes bounds and rows by 1e-8; its objectives can therefore be lower in the last digits.
+`python bench/compare_ipopt.py --write docs/ipopt.md` writes this page. It compares statuses, objectives and iterations
+on problems with known answers. Both solvers get the same nonlinear programs, starting points and exact derivatives. The
+known answer of a classic of optimal control is the better of the results that IPOPT and stc had found before. `(!)`
+marks an answer that differs from the known one. IPOPT relaxes bounds and rows by 1e-8; its objectives can therefore be
+lower in the last digits.
 """
 
 

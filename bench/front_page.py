@@ -33,7 +33,7 @@ MOTION, HEAVIER = "luxo_jump", 1.01
 
 @dataclass(frozen=True)
 class Tracked:
-    """A replay with feedback: errors (base as a share of its travel, joints in rad) and shares of the feedback in torques."""
+    """A replay with feedback: errors (base: share of its travel, joints: rad) and shares of the feedback in torques."""
 
     base: float
     joints: float
@@ -66,7 +66,7 @@ def table(figures: Figures) -> str:
             f"{_short(figures.end_base)}; {_short(figures.end_joints)} rad",
         ),
         (
-            "with feedback, RMS error: base; joints; share of feedback in the torque of the worst motor (of all motors)",
+            "with feedback, RMS error: base; joints; feedback share in the torque of the worst motor (of all motors)",
             _line(figures.tracked),
         ),
         (f"the same with all masses {100 * (HEAVIER - 1):.0f} % wrong", _line(figures.heavier)),

@@ -120,7 +120,10 @@ def main() -> None:
     warnings.simplefilter("ignore")
     files = [file for one in given.specs for file in (sorted(one.glob("*.stc")) if one.is_dir() else [one])]
     rows, others = [], []
-    print("| trajectory | method | n | objective: estimated | true | motion: estimated | true | within a factor of ten | |")
+    print(
+        "| trajectory | method | n | objective: estimated | true | motion: estimated | true "
+        "| within a factor of ten | |"
+    )
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for file in files:
         found = measured(file, given.saved)

@@ -168,7 +168,10 @@ def tables(names: Sequence[str]) -> str:
             "|" + " --- |" * 8,
             *[in_the_air(name) for name in names if name in OTHERS],
         ],
-        ["Motions of models: base as a share of its travel, and the worst joint; RMS errors for motions on the ground, largest errors for others:"],
+        [
+            "Motions of models: base as a share of its travel, and the worst joint; RMS errors for motions on the "
+            "ground, largest errors for others:"
+        ],
         [
             "| motion | frames | unknowns | iterations | growth of errors | tracked: base | joints "
             "| share of the feedback, worst motor | energy balance | verdict |",
@@ -183,9 +186,7 @@ def tables(names: Sequence[str]) -> str:
             *[operations(name) for name in names if name not in ROBOTS],
         ],
     ]
-    busy = (
-        f"Times are those of the solve alone, on {os.cpu_count()} cores under a load of {os.getloadavg()[0]:.1f}."
-    )
+    busy = f"Times are those of the solve alone, on {os.cpu_count()} cores under a load of {os.getloadavg()[0]:.1f}."
     return "\n\n".join([*("\n".join(part) for part in parts), busy])
 
 

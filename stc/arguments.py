@@ -76,8 +76,8 @@ def spare(
         if same_file(target, known):
             prefix = f"{option} " if option else ""
             raise UsageError(
-                f"{prefix}{os.fspath(target)}: that is {what}, which would be lost",
-                "give the file another name",
+                f"{prefix}{os.fspath(target)}: this would overwrite {what}",
+                "choose another file name",
             )
 
 
@@ -85,7 +85,7 @@ def numbers(given: Mapping[str, object]) -> dict[str, float]:
     """The values of constants from outside.
 
     Raises:
-        UsageError: one that is no number.
+        UsageError: one that is not a number.
     """
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
         raise UsageError(f"constants are numbers by name, not {given!r}")

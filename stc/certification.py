@@ -160,7 +160,7 @@ def _times(method: str, metrics: Sequence[Metric]) -> int:
 
 
 def _until_verified(solution: Solution, model: Model) -> str:
-    """The command that solves a motion's spec until it is verified, or the function where the spec is no file."""
+    """The command that solves a motion's spec until it is verified, or the function where the spec is not a file."""
     from shlex import quote
 
     from stc.validate.limits import OPEN_LOOP_DRIFT

@@ -91,11 +91,11 @@ def read_file(name: str, path: str, content: bytes) -> DataSet:
         content: all of it.
 
     Raises:
-        DataError: it is no table of numbers, or too large.
+        DataError: it is not a table of numbers, or too large.
     """
     if len(content) > MOST_BYTES:
         raise DataError(
-            f"`{path}` has {len(content)} bytes, and {MOST_BYTES} are the most that data may have",
+            f"`{path}` has {len(content)} bytes, and a data file may have {MOST_BYTES} at most",
             "leave out rows or columns that the spec does not need",
         )
     record = RecordedFile(DATA_ROLE, path, str(sha256(content).hexdigest()), len(content), content)
@@ -123,7 +123,7 @@ def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]
     ]
     if len(kept) < 2:
         raise DataError(
-            f"`{path}` holds no table: a line of names and lines of numbers are needed",
+            f"`{path}` contains no table: it needs a line of names and lines of numbers",
             "the first line names the columns, as in `time,height`, and each other one has a number for each",
         )
     heading = kept[0][1]
@@ -134,7 +134,7 @@ def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]
             (line for _, line in kept), delimiter=mark, skipinitialspace=True, strict=True
         )
     except csv.Error as error:
-        raise DataError(f"`{path}` is no table ({error})", _QUOTES) from None
+        raise DataError(f"`{path}` is not a table ({error})", _QUOTES) from None
     if len(rows) + 1 != len(kept):
         raise DataError(f"`{path}` has quotes that do not close on their line", _QUOTES)
     names = [name.strip() for name in names]
@@ -156,7 +156,7 @@ def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]
         cell = rows[k][column].strip()
         if cell and cell.lower() != "nan":
             raise DataError(
-                f"line {numbers[k + 1]} of `{path}` has `{cell}` for {names[column]}: no number",
+                f"line {numbers[k + 1]} of `{path}` has `{cell}` for {names[column]}, which is not a number",
                 _advice_on_words(cell, [each.strip() for each in rows[k]], first=k == 0),
             )
     return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}, numbers[1:]
@@ -176,14 +176,14 @@ def _advice_on_cells(row: Sequence[str], columns: int, mark: str) -> str:
 
 
 def _advice_on_words(cell: str, row: Sequence[str], first: bool) -> str:
-    """Advice for the message about a CSV cell that is no number, by what the cell looks like."""
+    """Advice for the message about a CSV cell that is not a number, by what the cell looks like."""
     if "," in cell and not math.isnan(_number(cell.replace(",", ".", 1).replace(",", ""))):
         return "the decimal point is a `.`, and thousands are not separated"
     parts = cell.replace("|", " ").split()
     if len(parts) > 1 and not any(math.isnan(_number(part)) for part in parts):
         return _MARKS
     if first and all(math.isnan(_number(each)) for each in row):
-        return "if the line tells units, begin it with `#`: lines that do say nothing"
+        return "if the line contains units, begin it with `#`, which makes it a comment"
     return "every cell is a number, in plain digits; where there is none, leave the cell empty"
 
 
@@ -192,7 +192,7 @@ def _check_heading(path: str, names: Sequence[str], line: int, text: str) -> Non
         hint = "write a first line such as `time,height`"
         if text.startswith("#"):
             hint = (
-                "lines that begin with `#` say nothing: if the first one names the columns, take the `#` away"
+                "lines that begin with `#` are comments: if the first one names the columns, remove the `#`"
             )
         raise DataError(f"line {line} of `{path}` holds numbers; it has to name the columns", hint)
     if not all(names):
@@ -227,12 +227,14 @@ def _of_npz(path: str, content: bytes) -> dict[str, FloatArray]:
     columns: dict[str, FloatArray] = {}
     for name, values in members.items():
         if values.ndim > 2 or not values.size:
-            raise DataError(f"`{name}` in `{path}` has the shape {values.shape}: lists and matrices are read")
+            raise DataError(
+                f"`{name}` in `{path}` has the shape {values.shape}: only lists and matrices can be read"
+            )
         columns[name] = column = np.atleast_1d(values).astype(np.float64)
         if np.isinf(column).any():
             raise DataError(f"`{name}` in `{path}` is infinite somewhere")
     if not columns:
-        raise DataError(f"`{path}` holds no arrays")
+        raise DataError(f"`{path}` contains no arrays")
     return columns
 
 

@@ -90,7 +90,7 @@ def look() -> None:
     if asked_to_stop:
         raise EndedError("interrupted", "interrupted")
     if time.perf_counter() > _until.get() + LATE:
-        raise EndedError("the time limit was reached before there was a motion to keep", "time_limit")
+        raise EndedError("the time limit was reached before there was a motion to save", "time_limit")
 
 
 def process_began() -> float:

@@ -283,7 +283,7 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
     """Read starting values from a ``.csv`` or ``.npz`` file.
 
     Raises:
-        UsageError: no such file, another kind of file, or what is in it is no table of numbers.
+        UsageError: no such file, another kind of file, or what is in it is not a table of numbers.
         SolutionError: a damaged solution.
     """
     import csv
@@ -303,7 +303,7 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
     except PermissionError:
         raise UsageError(f"no guess can be read from `{source}`: it may not be read") from None
     except csv.Error as error:
-        raise UsageError(f"no guess can be read from `{source}`: it is no table ({error})") from None
+        raise UsageError(f"no guess can be read from `{source}`: it is not a table ({error})") from None
     except npz.ContentsError as error:
         raise UsageError(f"no guess can be read from `{source}`: {error}") from None
     except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError):
@@ -323,7 +323,7 @@ def _read_npz(source: Path) -> GivenValues:
     columns: dict[str, FloatArray] = {}
     for name, values in npz.load(source, compressed=True).items():
         if values.ndim > 1:
-            raise UsageError(f"`{name}` in `{source}` is no list of numbers (shape {values.shape})")
+            raise UsageError(f"`{name}` in `{source}` is not a list of numbers (shape {values.shape})")
         columns[name] = np.atleast_1d(values).astype(float)
     return table(columns, f"`{source}`")
 
@@ -336,7 +336,7 @@ def _read_csv(source: Path) -> GivenValues:
         return SolutionValues(read(source))
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
-        raise UsageError(f"`{source}` holds no table: a line of names and lines of numbers are needed")
+        raise UsageError(f"`{source}` contains no table: it needs a line of names and lines of numbers")
     mark = next((mark for mark in (",", ";", "\t") if mark in lines[0]), ",")
     heading, *rows = csv.reader(lines, delimiter=mark)
     names = [name.strip() for name in heading]
@@ -369,7 +369,9 @@ def _number(cell: str, name: str, row: int, source: Path) -> float:
     try:
         return float(cell)
     except ValueError:
-        raise UsageError(f"row {row} of `{source}` has `{cell.strip()}` for {name}: no number") from None
+        raise UsageError(
+            f"row {row} of `{source}` has `{cell.strip()}` for {name}, which is not a number"
+        ) from None
 
 
 def table(columns: Mapping[str, Any], where: str = "the guess") -> TableValues:
@@ -381,13 +383,13 @@ def table(columns: Mapping[str, Any], where: str = "the guess") -> TableValues:
     arrays: dict[str, FloatArray] = {}
     for name, numbers in columns.items():
         if not isinstance(name, str):
-            raise UsageError(f"{where} is numbers by name, and {name!r} is no name")
+            raise UsageError(f"{where} is numbers by name, and {name!r} is not a name")
         try:
             arrays[name] = column = np.atleast_1d(np.asarray(numbers, dtype=float))
         except (TypeError, ValueError):
             column = np.zeros(0)
         if column.ndim > 1 or not column.size:
-            raise UsageError(f"`{name}` in {where} is no number, nor a list of numbers")
+            raise UsageError(f"`{name}` in {where} is neither a number nor a list of numbers")
         if np.isinf(column).any():
             raise UsageError(f"in {where}, {name} is infinite somewhere")
         if not np.isfinite(column).any():

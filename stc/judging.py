@@ -28,7 +28,7 @@ def judge(solution: Solution) -> Claims:
     """Hold a solution's claims against its own text and numbers.
 
     Args:
-        solution: any. One that was made by hand and whose text is no spec claims nothing that could be checked.
+        solution: any. One that was made by hand and whose text is not a spec claims nothing that could be checked.
     """
     words = _words(solution)
     try:
@@ -42,7 +42,7 @@ def judge(solution: Solution) -> Claims:
         found = point.found()
     except StcError as error:
         reason = str(error).splitlines()[0]
-        return Claims(words=words, notes=[f"what the solution says of itself is not checked: {reason}"])
+        return Claims(words=words, notes=[f"the figures that the solution states are not checked: {reason}"])
     problem = stated.problem
     claims = [_objective(problem, solution, found), *_constants(problem, solution)]
     contradictory = bool(
@@ -73,7 +73,7 @@ def _other_data(solution: Solution) -> list[str]:
     if not solution.directory:
         return []
     return [
-        f"{path} has changed since this motion was solved: it is judged with the data that it carries"
+        f"{path} has changed since this motion was solved: it is judged with the data stored in its file"
         for path in changed(solution.data, Path(solution.directory) / "spec")
         if (Path(solution.directory) / path).is_file()
     ]
@@ -111,7 +111,7 @@ def _left_out(problem: Problem) -> list[str]:
     """A note of what the spec leaves out of its model, which MuJoCo does not."""
     if not problem.left_out:
         return []
-    return [f"the spec leaves out of its model what MuJoCo simulates: {', '.join(problem.left_out)}"]
+    return [f"the spec leaves out parts of its model that MuJoCo simulates: {', '.join(problem.left_out)}"]
 
 
 def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:
@@ -145,9 +145,17 @@ def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:
 def _worst(found: Found) -> str:
     """Where the optimality conditions hold least, in words."""
     if found.stationarity >= found.complementarity:
-        what, place, amount = "the Lagrangian's slope by", found.steepest, found.stationarity
+        what, place, amount = (
+            "the derivative of the Lagrangian with respect to",
+            found.steepest,
+            found.stationarity,
+        )
     else:
-        what, place, amount = "multiplier times room of", found.loosest, found.complementarity
+        what, place, amount = (
+            "the product of multiplier and distance to the bound of",
+            found.loosest,
+            found.complementarity,
+        )
     name, frame = place
     return f"{what} {name} at {_frame(frame)} being {amount:.3g}, relative to terms of up to {found.size:.3g}"
 

@@ -371,7 +371,7 @@ class Nested:
         self._factorizations += done.factorizations
 
     def _counted(self, result: Result) -> Result:
-        """The result with what all solves took, and, where it is no solution, with the best point of all."""
+        """The result with what all solves took, and, where it is not a solution, with the best point of all."""
         if result.status is not Status.OPTIMAL:
             result = self._with_best(result)
         if not (self._iterations or self._factorizations):

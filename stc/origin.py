@@ -41,5 +41,5 @@ def statements_between(solution: Solution) -> list[StatementCheck]:
         return []
     try:
         return check_statements(problem_of(solution), solution)
-    except StcError:  # a motion from elsewhere, whose text is no spec
+    except StcError:  # a motion from elsewhere, whose text is not a spec
         return []

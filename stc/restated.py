@@ -188,7 +188,7 @@ def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
     plain: dict[str, Any] = {key: facts[key] for key in PLAIN_FACTS}
     for key in _WORDS:
         if not isinstance(plain[key], str):
-            raise TypeError(f"{key} is no text")
+            raise TypeError(f"{key} is not text")
     if plain["sha256"] != sha256(plain["source"].encode()).hexdigest():
         raise SolutionError("the spec's text does not match its hash: the file was altered")
     files = files_of(stored)

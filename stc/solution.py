@@ -332,7 +332,7 @@ class Solution:
             of the shape of ``t`` (parameters are floats always).
 
         Raises:
-            UsageError: a time outside of the motion, or what is no number.
+            UsageError: a time outside of the motion, or what is not a number.
             SolutionError: the times do not increase (a solve that failed with a free duration).
         """
         self.require_increasing_times()
@@ -353,7 +353,7 @@ class Solution:
         the frames even where the durations of the steps differ.
 
         Raises:
-            UsageError: an index outside 0..n, or what is no number.
+            UsageError: an index outside 0..n, or what is not a number.
         """
         indices = _as_numbers(index, "a frame is given by its index")
         flat = indices.reshape(-1)

@@ -137,7 +137,7 @@ MISSHAPEN = (ValueError, KeyError, IndexError, TypeError, AttributeError, Overfl
 
 def damaged(source: str | os.PathLike[str]) -> SolutionError:
     """What is said of a file that cannot be made sense of."""
-    return SolutionError(f"{source} is damaged: it was cut off or altered, or is no solution file")
+    return SolutionError(f"{source} is damaged: it was cut off or altered, or is not a solution file")
 
 
 def contents(path: str | os.PathLike[str]) -> str:

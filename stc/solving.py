@@ -80,7 +80,7 @@ def solve(
         bound: the transcription with these constants, if it is at hand.
 
     Raises:
-        SpecError, EvaluationError: the starting point is no place to start from.
+        SpecError, EvaluationError: the starting point is not a place to start from.
         UsageError: no such optimizer, or one that cannot do what the problem needs.
     """
     options, name = options or Options(), transcription.problem.relaxation

@@ -187,7 +187,7 @@ def _relimit(certificate: Certificate, limits: Limits) -> None:
     unused = set(limits)
     for name, limit in limits.items():
         if limit is not None and limit != limit:
-            raise UsageError(f"the limit of `{name}` is no number", "None is for none")
+            raise UsageError(f"the limit of `{name}` is not a number", "None is for none")
 
     def changed(metric: Metric) -> Metric:
         for beginning, limit in limits.items():

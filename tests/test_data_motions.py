@@ -226,7 +226,9 @@ def test_statements_at_every_frame_want_numbers_there(tmp_path: Path) -> None:
     unknown = unknown.replace("h = T/n", "S = 1").replace(
         "variables:", "definitions: h = T/n;\nvariables:", 1
     )
-    with pytest.raises(SpecError, match=r"`walk.y` has gaps, and this statement wants it at every frame"):
+    with pytest.raises(
+        SpecError, match=r"`walk.y` has gaps, and this statement needs a number at every frame"
+    ):
         stc.load(saved_spec(tmp_path, unknown)).problem()
     fine = FOLLOWED.replace("y'' = v;", "y'' = v; x = walk.x;")
     solved = stc.load(saved_spec(tmp_path, fine)).solve()

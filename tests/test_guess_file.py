@@ -166,7 +166,9 @@ def test_numbers_by_name() -> None:
     solution = model.solve(guess={"t": times, name: [0.0, 1.0, 0.0]})
     assert solution.status == "optimal"
     for wrong in ([[0.0, 1.0]], "much", [], {}):
-        with pytest.raises(UsageError, match=f"`{name}` in the guess is no number, nor a list of numbers"):
+        with pytest.raises(
+            UsageError, match=f"`{name}` in the guess is neither a number nor a list of numbers"
+        ):
             model.solve(guess={name: wrong})
     with pytest.raises(UsageError, match="names `nobody`"):
         model.solve(guess={"nobody": [1.0]})

@@ -71,7 +71,7 @@ def contact_metrics(
 def _base_share(
     setup: Setup, base: list[Coordinate], motion: Replay, forces: Sequence[ContactForces], height: float
 ) -> FloatArray:
-    """(n+1,) how far the base is from its place, each slide as a share of its own travel (largest minus smallest value).
+    """(n+1,) distance of the base from its solved position, each slide as a share of its travel (maximum less minimum).
 
     A long way along the ground excuses no gap between the two, so that the error along the contacts' normals is
     measured against ``height`` as well.  What slides with friction bounces on stiff ground, and so does the friction:

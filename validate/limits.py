@@ -92,8 +92,8 @@ GROWTH_INSTANTS: Final = 60
 
 # --- motions on the ground, MuJoCo's own contacts supplying the forces ----------------------------------------
 
-#: RMS of the base's error as a share of its travel, and of each other joint's by its unit: open loop and tracked.  Along
-#: the bundled motions that are judged open loop the joints' are 9e-5 to 8e-3 rad, tracked 2e-6 to 7e-4 rad.
+#: RMS error of the base as a share of its travel, and of each other joint by its unit: open loop and tracked.  The
+#: errors of joints of the bundled motions are 9e-5 to 8e-3 rad if judged open loop, 2e-6 to 7e-4 rad if tracked.
 CONTACT_BASE: Final = 1e-3
 CONTACT_JOINTS: Final[ByUnit] = {"m": 5e-3, "rad": 1e-2}
 CONTACT_TRACKED_BASE: Final = 5e-3

@@ -122,7 +122,7 @@ def find_place(model: mujoco.MjModel, path: Sequence[str], written: str) -> Plac
 
 
 def require_kind(kind: str, written: str) -> None:
-    """Tell of a first word of a path that is no place.
+    """Tell of a first word of a path that is not a place.
 
     Raises:
         ModelError: it is none.

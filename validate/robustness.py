@@ -50,8 +50,8 @@ class Envelope:
 
     Attributes:
         kind: one of :data:`KINDS`.
-        base: (samples,) RMS distance of the base from the solved motion, as a share of its travel; of the sliding joints
-            in m where the motion is not one on the ground.  Infinite for a simulation that broke down.
+        base: (samples,) RMS distance of the base from the solved motion, as a share of its travel; for motions that are
+            not on the ground, that of the sliding joints in m.  Infinite for a simulation that broke down.
         joints: (samples,) RMS distance of the joints, in rad.
         lost: (samples,) whether a joint left the solved motion by more than :data:`limits.LOST`: a lamp that fell.
     """
@@ -155,7 +155,7 @@ class Robustness:
 
 
 def _percentiles(values: FloatArray) -> dict[str, float | None]:
-    # The median of infinities is no number that JSON knows; a nearest value needs no arithmetic with them.
+    # The median of infinities is not a number that JSON knows; a nearest value needs no arithmetic with them.
     found = np.percentile(values, [50.0, 95.0, 100.0], method="higher")
     keys = ("median", "percentile_95", "worst")
     return {key: float(value) if math.isfinite(value) else None for key, value in zip(keys, found)}

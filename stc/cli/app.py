@@ -186,7 +186,9 @@ def sweep(
     ] = None,
     output: Annotated[
         str | None,
-        typer.Option("-o", "--output", metavar="FOLDER", help="The folder for the results; default NAME_sweep."),
+        typer.Option(
+            "-o", "--output", metavar="FOLDER", help="The folder for the results; default NAME_sweep."
+        ),
     ] = None,
     workers: Annotated[
         int | None,
@@ -255,11 +257,15 @@ def validate(
     ] = False,
     samples: Annotated[
         int | None,
-        typer.Option("--samples", metavar="COUNT", help="Replays per perturbation of --robustness; default 16."),
+        typer.Option(
+            "--samples", metavar="COUNT", help="Replays per perturbation of --robustness; default 16."
+        ),
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option("--seed", metavar="NUMBER", help="Seed of the perturbations of --robustness; default 0."),
+        typer.Option(
+            "--seed", metavar="NUMBER", help="Seed of the perturbations of --robustness; default 0."
+        ),
     ] = None,
     json: Json = False,
 ) -> int:
@@ -291,7 +297,8 @@ def check(spec: Spec, settings: Set = None, method: Method = None, json: Json = 
 def show(
     spec: Spec,
     stage: Annotated[
-        str, typer.Option("--stage", metavar="STAGE", help="The stage to print; --stage list prints their names.")
+        str,
+        typer.Option("--stage", metavar="STAGE", help="The stage to print; --stage list prints their names."),
     ] = "problem",
     settings: Set = None,
     method: Method = None,
@@ -327,19 +334,27 @@ def render(
     show: Annotated[
         str,
         typer.Option(
-            "--show", metavar="MOTION", help="solved, replayed or tracked; the last two also show the solved motion."
+            "--show",
+            metavar="MOTION",
+            help="solved, replayed or tracked; the last two also show the solved motion.",
         ),
     ] = "solved",
     camera: Annotated[
-        str | None, typer.Option("--camera", metavar="NAME", help="A camera of the model, which is not moved.")
+        str | None,
+        typer.Option("--camera", metavar="NAME", help="A camera of the model, which is not moved."),
     ] = None,
     size: Annotated[
         str, typer.Option("--size", metavar="WIDTHxHEIGHT", help="Size of an image or tile, in pixels.")
     ] = "640x480",
-    tiles: Annotated[int, typer.Option("--tiles", metavar="COUNT", help="Number of images in a filmstrip.")] = 6,
+    tiles: Annotated[
+        int, typer.Option("--tiles", metavar="COUNT", help="Number of images in a filmstrip.")
+    ] = 6,
     rate: Annotated[int, typer.Option("--rate", metavar="COUNT", help="Images per second of a video.")] = 30,
     speed: Annotated[
-        float | None, typer.Option("--speed", metavar="SHARE", help="Speed of a video as a share of real time, such as 0.1.")
+        float | None,
+        typer.Option(
+            "--speed", metavar="SHARE", help="Speed of a video as a share of real time, such as 0.1."
+        ),
     ] = None,
     force: Force = False,
     json: Json = False,
@@ -391,7 +406,9 @@ def export(
 @app.command()
 def view(
     target: SpecOrSolution,
-    web: Annotated[bool, typer.Option("--web", help="Show the motion in a browser; no screen is needed.")] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="Show the motion in a browser; no screen is needed.")
+    ] = False,
     host: Annotated[
         str | None,
         typer.Option("--host", metavar="ADDRESS", help="Serve --web on this address, not 127.0.0.1."),
@@ -405,7 +422,9 @@ def view(
     tracked: Annotated[
         bool, typer.Option("--tracked", help="Begin with the tracked replay instead of the open-loop one.")
     ] = False,
-    speed: Annotated[float, typer.Option("--speed", metavar="SHARE", help="Speed as a share of real time.")] = 1.0,
+    speed: Annotated[
+        float, typer.Option("--speed", metavar="SHARE", help="Speed as a share of real time.")
+    ] = 1.0,
     settings: Set = None,
     method: Method = None,
     max_iterations: MaxIterations = None,
@@ -445,7 +464,9 @@ def schedule(
 
 @app.command()
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the spec; the command writes NAME.stc.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of the spec; the command writes NAME.stc.")
+    ],
     model: Annotated[
         str | None, typer.Option("--model", metavar="FILE", help="A MuJoCo model for the spec.")
     ] = None,

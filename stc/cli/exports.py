@@ -36,7 +36,7 @@ def export(
         target,
         options,
         as_json,
-        "" if kind in TABLES else f"there are no bodies and joints for {kind} to be about",
+        "" if kind in TABLES else f"{kind} needs the bodies and joints of a model",
         "--format csv and npz write the variables over time",
     )
     jobs.require_optimal(outcome.solution, "exported", force)

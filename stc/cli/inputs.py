@@ -37,7 +37,9 @@ def number(text: str, where: str) -> float:
     def resolve(name: Name) -> tuple[float, float]:
         if name.name not in known:
             raise NotANumber(
-                name, f"`{name.name}` is no number", "only numbers, `pi`, `inf` and functions go here"
+                name,
+                f"`{name.name}` is not a number",
+                "only numbers, `pi`, `inf` and functions are allowed here",
             )
         return 0.0, known[name.name]
 

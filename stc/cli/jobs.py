@@ -138,7 +138,7 @@ def validate(
     With ``order`` the observed order of convergence is one of the measurements; ``table`` asks to print every one.
     """
     if page is not None:
-        spare(page, [(target, "what is to be validated")], "--report")
+        spare(page, [(target, "the solution to validate")], "--report")
     outcome, motion = solved(target, options, as_json)
     further: Sequence[Metric] = ()
     if order:
@@ -204,12 +204,12 @@ def to_show(
         from stc.validate.certificate.staleness import stale
 
         for line in stale(outcome.solution):
-            console.note(f"{line}; this is the motion as it was")
+            console.note(f"{line}; the saved motion is shown")
     return outcome, motion
 
 
 def require_optimal(solution: Solution, done: str, force: bool) -> None:
-    """Refuse to show or pass on what is no solution, unless that is asked for.
+    """Refuse to show or pass on what is not a solution, unless that is asked for.
 
     Args:
         solution: what a solve gave.
@@ -222,7 +222,7 @@ def require_optimal(solution: Solution, done: str, force: bool) -> None:
     if solution.status != "optimal" and not force:
         raise UsageError(
             f"the motion of {solution.name} is not {done}: its solve ended {solution.status}, not optimal",
-            f"solving the spec again with `stc solve` tells why; with --force the motion is {done} all the same",
+            f"solve the spec again with `stc solve` to see why, or use --force to have the motion {done} nevertheless",
         )
 
 
@@ -406,10 +406,10 @@ def _judged(
     """Replay a motion and show its certificate: the verdict in a few lines, or the whole ``table``."""
     status = outcome.solution.status  # what a search found before it was stopped is judged as well
     if status != "optimal" and not force:
-        reason = f"the solve ended {status}, not optimal; --force replays it all the same"
+        reason = f"the solve ended {status}, not optimal; --force replays it nevertheless"
         return _not_validated(outcome, reason, page, as_json)
     if outcome.solution.is_sketch:
-        reason = "MuJoCo is asked for more than time steps can keep"
+        reason = "a motion from time stepping is too coarse for a replay"
         return _not_validated(outcome, reason, page, as_json)
     from stc.certification import certify
 
@@ -432,7 +432,7 @@ def _judged(
         # What was found is shown before anything else can go wrong.
         console.show_certificate(certificate, table)
         if certificate.passed and not outcome.good:
-            console.note("the motion passed, but the search did not get as far as it was asked to")
+            console.note("the motion passed, but the search did not reach its goal")
     unwritten = "" if page is None else _written(certificate, page)
     if as_json:
         known = outcome.record()
@@ -478,7 +478,7 @@ def _not_validated(
 
 
 #: How a motion gets a model.
-_HOW = "docs/own_model.md tells how to write a model and tie a spec to it"
+_HOW = "docs/own_model.md describes how to write a model and connect a spec to it"
 
 
 def _no_replay(name: str, reason: str = "MuJoCo cannot replay it") -> str:

@@ -80,5 +80,7 @@ def keep_optimal(file: Path, status: str) -> Path | None:
         return None
     kept = file.with_name(f"{file.stem}.optimal{file.suffix}")
     file.replace(kept)
-    console.note(f"{file} held an optimal solution, which this one is not: it is kept as {kept}")
+    console.note(
+        f"{file} held an optimal solution, and the new one is not optimal; the old file is kept as {kept}"
+    )
     return kept

@@ -157,7 +157,7 @@ def _carried_out(arguments: Sequence[str]) -> int:
         return report(
             as_json,
             "error",
-            "what this asks for is nested too deep: name fewer things through others",
+            "expressions are nested too deep: use fewer definitions within definitions",
             MISTAKE,
         )
     except MemoryError:
@@ -174,11 +174,11 @@ def _carried_out(arguments: Sequence[str]) -> int:
         if isinstance(error, ImportError) and "failed to map segment" in str(error):  # the loader says so
             return report(as_json, "failed", _NO_MEMORY, BAD)
         if type(error).__module__.partition(".")[0] == "mujoco":  # which is not imported for its exceptions
-            return report(as_json, "failed", f"MuJoCo cannot go on: {' '.join(str(error).split())}", BAD)
+            return report(as_json, "failed", f"MuJoCo failed: {' '.join(str(error).split())}", BAD)
         return _unexpected(as_json, error)
 
 
-_NO_MEMORY = "there is not enough memory for this: ask for less of it"
+_NO_MEMORY = "there is not enough memory for this: use fewer frames, samples or workers"
 
 
 def _mistakes(error: SpecError) -> str:
@@ -187,7 +187,9 @@ def _mistakes(error: SpecError) -> str:
     span = error.diagnostics[0].span if error.diagnostics else None
     if len(error.diagnostics) > MOST_MISTAKES and span is not None and span.source.path is not None:
         if not span.source.path.endswith(".stc"):
-            text += f"\n`{span.source.name}` may be no spec: those are .stc files; `stc new NAME` writes one"
+            text += (
+                f"\n`{span.source.name}` may not be a spec: specs are .stc files; `stc new NAME` writes one"
+            )
     return text
 
 
@@ -196,7 +198,7 @@ def _usage(error: Exception) -> str:
     context = getattr(error, "ctx", None)
     message = error.format_message()  # type: ignore[attr-defined]
     command = context.command_path if context is not None else "stc"
-    return f"{message}\n  `{command} --help` tells what it takes"
+    return f"{message}\n  `{command} --help` lists its arguments and options"
 
 
 def _unexpected(as_json: bool, error: Exception) -> int:

@@ -19,7 +19,7 @@ def ended(status: str) -> int:
 
 def say_ended(status: str) -> None:
     """Say that this process's command is ended with nothing to hand over."""
-    words = {"time_limit": "the time limit was reached before there was anything to keep"}
+    words = {"time_limit": "the time limit was reached before there was a result to save"}
     say("--json" in sys.argv, status, words.get(status, status))
 
 

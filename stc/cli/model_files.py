@@ -67,7 +67,7 @@ def listing(name: str) -> str:
             "or add forces under `forces:` of the spec",
         ]
     refused = refusals(mechanism)
-    lines.append("cannot be stated:" if refused else "all of it can be stated")
+    lines.append("cannot be stated:" if refused else "every element of the model is supported")
     lines += [f"  {refusal} (or `without {refusal.kind}`)" for refusal in refused]
     return "\n".join(lines)
 

@@ -99,7 +99,7 @@ def starter(name: str, path: Path) -> str:
         if not fate:
             return text
         if fate != _UNSOLVED:
-            solved = solved or f"# It is solved, and fails in MuJoCo: {fate}.\n{text}"
+            solved = solved or f"# The solve ends optimal, and the motion fails in MuJoCo: {fate}.\n{text}"
     return solved or f"# Within {_SECONDS:g} s of processor time it was not solved.\n{text}"
 
 

@@ -75,7 +75,7 @@ def solve_options(
     if optimizer is not None:
         check_optimizer(optimizer)
     if profile and optimizer not in (None, "sqp"):
-        raise UsageError(f"--profile looks into the project's own method, not into {optimizer}")
+        raise UsageError(f"--profile works with the optimizer sqp, not with {optimizer}")
     search = search_options(guess_from, walk, starts, seed, refine, warm_start, until)
     given = constants(settings)
     if search.walk is not None and search.walk.name in given:

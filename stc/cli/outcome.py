@@ -101,7 +101,7 @@ class Outcome:
         if self.grid is not None and self.grid.gross:
             console.note(self.grid.warning)
         if self.solution.is_sketch and self.solution.status == "optimal":
-            console.note(f"the motion is one in time steps, of first order: {self.next_step}")
+            console.note(f"the motion was found by time stepping, which is of first order: {self.next_step}")
         for one in self.ringing[:MOST_RINGING]:
             console.note(str(one))
         if self.complementarity is not None:

@@ -46,10 +46,14 @@ MaxIterations = Annotated[
     int | None, typer.Option("--max-iterations", metavar="COUNT", help="Stop after this many iterations.")
 ]
 TimeLimit = Annotated[
-    float | None, typer.Option("--time-limit", metavar="SECONDS", help="Stop this long after the start of the process.")
+    float | None,
+    typer.Option("--time-limit", metavar="SECONDS", help="Stop this long after the start of the process."),
 ]
 Tolerance = Annotated[
-    float | None, typer.Option("--tolerance", metavar="ERROR", help="Largest optimality error of a solution; default 1e-8.")
+    float | None,
+    typer.Option(
+        "--tolerance", metavar="ERROR", help="Largest optimality error of a solution; default 1e-8."
+    ),
 ]
 Optimizer = Annotated[
     str | None,
@@ -71,9 +75,7 @@ CompareLimit = Annotated[
 ]
 WarmStart = Annotated[
     str | None,
-    typer.Option(
-        "--warm-start", metavar="FILE", help="Start from a saved solution, resampled if n differs."
-    ),
+    typer.Option("--warm-start", metavar="FILE", help="Start from a saved solution, resampled if n differs."),
 ]
 GuessFrom = Annotated[
     str | None,
@@ -91,9 +93,14 @@ Continue = Annotated[
 ]
 Starts = Annotated[
     int | None,
-    typer.Option("--starts", metavar="COUNT", help="Solve from COUNT random guesses and keep the best optimum."),
+    typer.Option(
+        "--starts", metavar="COUNT", help="Solve from COUNT random guesses and keep the best optimum."
+    ),
 ]
-Seed = Annotated[int | None, typer.Option("--seed", metavar="NUMBER", help="Seed of the random guesses of --starts; default 1.")]
+Seed = Annotated[
+    int | None,
+    typer.Option("--seed", metavar="NUMBER", help="Seed of the random guesses of --starts; default 1."),
+]
 Refine = Annotated[
     float | None,
     typer.Option(
@@ -135,7 +142,9 @@ Threads = Annotated[
 ]
 Profile = Annotated[bool, typer.Option("--profile", help="Also print the time of each part of the solve.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
-Force = Annotated[bool, typer.Option("--force", help="Replay the motion even if the solve did not end optimal.")]
+Force = Annotated[
+    bool, typer.Option("--force", help="Replay the motion even if the solve did not end optimal.")
+]
 Report = Annotated[
     str | None,
     typer.Option("--report", metavar="FILE.html", help="Write the certificate as one self-contained page."),

@@ -66,9 +66,7 @@ def render(
             replays = run_replays(setup, tracked=show == "tracked")
         motion = replays.tracked if show == "tracked" else replays.open_loop
         if motion is None:
-            raise UsageError(
-                f"{setup.solution.name} has nothing to track it with: no actuator moves one joint"
-            )
+            raise UsageError(f"{setup.solution.name} cannot be tracked: no actuator moves a single joint")
     with _Counter() as counter:
         draw(setup, file, look, motion, counter)
     return _done(setup.solution, file, as_json)

@@ -112,7 +112,7 @@ def show_explanation(explanation: Explanation) -> None:
         there = "" if one.frame is None else f"{one.change_there:.4g} at {one.frame:g}"
         rows.append((console.escape(_short(one.statement)), one.end, f"{one.change:.6g}", there, _place(one)))
     _table(
-        "Change of the objective, per unit that a statement gives way (an equation: that its right side grows)",
+        "Change of the objective per unit by which a statement is relaxed (an equation: by which its right side grows)",
         rows,
         ("statement", "end", "change", "most of it", "place"),
         len(explanation.sensitivities),

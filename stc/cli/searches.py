@@ -125,7 +125,7 @@ def search_options(
     if starts is not None and starts < 1:
         raise UsageError(f"--starts must be at least 1, not {starts}")
     if seed is not None and starts is None:
-        raise UsageError("--seed is for --starts")
+        raise UsageError("--seed can only be used with --starts")
     if seed is not None and seed < 0:
         raise UsageError(f"--seed must be 0 or more, not {seed}")
     if refine is not None and not refine > 0:

@@ -76,7 +76,7 @@ def write(name: str, model: str | None = None) -> Path:
     if path.suffix != ".stc":
         path = path.with_name(path.name + ".stc") if path.name else path
     if path.stem in ("", ".stc") or name.endswith(("/", os.sep)):
-        raise UsageError(f"`{name}` is no name for a spec")
+        raise UsageError(f"`{name}` is not a name for a spec")
     word = shlex.quote(str(path))
     text = _TEXT.format(name=path.stem, word=word)
     if model is not None:

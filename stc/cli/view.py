@@ -54,7 +54,7 @@ def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> i
     if not is_solution(target):
         outcome.show()
     if outcome.solution.status != "optimal":
-        console.note(f"the solve ended {outcome.solution.status}: what is shown is no solution")
+        console.note(f"the solve ended {outcome.solution.status}: the motion shown is not a solution")
     beside = [motion.parent] if isinstance(motion, Path) else []
     player = _player(outcome.solution, beside, window)
     from stc.viewer.tweaks import session_for
@@ -62,7 +62,7 @@ def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> i
     try:
         player.tweaks = session_for(outcome.solution)
     except StcError as error:
-        console.note(f"constants cannot be turned: {error}")
+        console.note(f"constants cannot be changed: {error}")
     _open(player, window, options.output)
     return GOOD if outcome.solution.status == "optimal" else BAD
 
@@ -79,7 +79,7 @@ def _check(target: str, window: Window, live: bool) -> None:
     if not window.web:
         for option, value in (("--host", window.host), ("--port", window.port)):
             if value is not None:
-                raise UsageError(f"{option} belongs to --web")
+                raise UsageError(f"{option} can only be used with --web")
         require_display()
         return
     if not studio_is_there():

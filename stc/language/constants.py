@@ -50,7 +50,7 @@ class Constants:
         for name, value in overrides.items():
             if name in counts and value != counts[name]:
                 raise UsageError(
-                    f"`{name}` counts what the spec repeats: it is {counts[name]} there and stays so",
+                    f"`{name}` is the end of a repetition, which fixes it: it is {counts[name]} in the spec",
                     f"change `{name} = {counts[name]}` in the text of the spec",
                 )
             kind = self.table.kind(name)
@@ -188,7 +188,9 @@ class Constants:
             return None
         if value > MOST_FRAMES:
             message = f"`n`, the number of the last frame, is {value:g}"
-            self.diagnostics.error(message, start, end, f"more than {MOST_FRAMES:g} frames fit in no memory")
+            self.diagnostics.error(
+                message, start, end, f"more than {MOST_FRAMES:g} frames do not fit in memory"
+            )
             return None
         self.values["n"] = float(round(value))
         return round(value)

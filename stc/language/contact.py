@@ -219,7 +219,7 @@ def _contacts(tree: syntax.SpecTree, trial: Context, diagnostics: Diagnostics) -
                     hint,
                 )
             elif statement.slides is not None:
-                hint = "state its rows: what it presses, and friction against the way"
+                hint = "state its normal force and its friction by hand, under `constraints:`"
                 _fail(diagnostics, statement.slides, "contacts of a Lagrangian stand, and cannot slide", hint)
             elif block.header is None:
                 hint = "put the frames into a range header before it, as in `[0, 20]: sole at 0;`"
@@ -255,7 +255,7 @@ def _declared(statement: syntax.ContactDeclaration, diagnostics: Diagnostics) ->
     options: dict[str, str] = {}
     for name, value in statement.options:
         if name.name not in known:
-            hint = did_you_mean(name.name, known) or f"a {kind} knows {', '.join(known)}"
+            hint = did_you_mean(name.name, known) or f"a {kind} has the options {', '.join(known)}"
             _fail(diagnostics, name, f"a {kind} has no `{name.name}`", hint)
         elif (value is None) != (name.name in ALONE):
             how = "stands alone" if name.name in ALONE else f"needs a value, as in `{name.name} = 0.5`"

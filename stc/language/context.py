@@ -251,7 +251,7 @@ def _model_hint(tree: syntax.SpecTree) -> str:
     path = files[0] if files else "robot.xml"
     listed = f"`stc show {path}` lists what it has"
     if any(tree.blocks("model")):
-        return f"a model is no number; its joints are `joint.NAME`, its motors `actuator.NAME`: {listed}"
+        return f"a model is not a number; its joints are `joint.NAME`, its motors `actuator.NAME`: {listed}"
     instead = "in place of `lagrangian:`" if any(tree.blocks("lagrangian")) else "as a section of its own"
     hint = (
         f'write `model: "{path}";` {instead}: it brings the coordinates, as `joint.NAME`, the motors and the '

@@ -191,7 +191,9 @@ class Data:
         found = self.sets.get(word)
         if found is None:
             hint = did_you_mean(word, self.sets) or 'declare it under `data:`, as in `polar = "polar.csv";`'
-            what = f"`{word}` is no data set" if self.names.kind(word) else f"there is no data set `{word}`"
+            what = (
+                f"`{word}` is not a data set" if self.names.kind(word) else f"there is no data set `{word}`"
+            )
             self.diagnostics.error(what, path.start, path.end, hint)
             return None
         self.names.entries[word].used = True
@@ -250,7 +252,9 @@ class Data:
                 at = option if value is None or word != "outside" else value
                 known = OUTSIDE if at is value else (*KINDS, "outside")
                 what = "a table" if at is option else "outside of a table there is"
-                message = f"`{at.name}` is no option of a table" if at is option else f"{what} no `{at.name}`"
+                message = (
+                    f"`{at.name}` is not an option of a table" if at is option else f"{what} no `{at.name}`"
+                )
                 if word in KINDS and value is None:
                     message = f"a table is either `{kind}` or `{word}`"
                 hint = f"write `outside = {word}`" if word in OUTSIDE and value is None else ""
@@ -325,7 +329,7 @@ class Data:
         k = int(falls[0])
         what = "the same twice" if values[k] == values[k + 1] else "less than before"
         message = f"`{path.name}` is {what} on {data.place(k + 1)}: {values[k + 1]:.9g} after {values[k]:.9g}"
-        hint = "sort the rows by it, and let each of its values stand once"
+        hint = "sort the rows by it, and use each of its values only once"
         self.diagnostics.error(message, path.start, path.end, hint)
         return False
 
@@ -371,7 +375,7 @@ class Data:
             x, y, values = grid(first, [path.name for path in paths], x, y, values)
         if (len(x) + 1) * (len(y) + 1) > MOST_CELLS:
             raise DataError(
-                f"a grid of {len(x)} by {len(y)} is too large", f"{MOST_CELLS} cells are the most"
+                f"a grid of {len(x)} by {len(y)} is too large", f"a table may have {MOST_CELLS} cells at most"
             )
         return checked(interpolated([x, y], values, kind, outside))
 
@@ -415,7 +419,7 @@ class Data:
             return None
         runs = stretches(np.isfinite(values), 1)
         if np.isfinite(values).sum() < 2:
-            message = f"`{path.name}` has fewer than two numbers, and a motion needs two"
+            message = f"`{path.name}` has fewer than two numbers; a motion needs at least two"
             self.diagnostics.error(message, path.start, path.end)
             return None
         self.warn_of_leaps(data.name, name, path.start, path.end)
@@ -441,7 +445,7 @@ class Data:
             return []
         self.names.entries[name].used = True
         if data.time is None:
-            message = f"`{name}` does not say when: it has no column `{TIME}`"
+            message = f"`{name}` has no column `{TIME}`, which is needed here"
             hint = f"add a column `{TIME}`, in seconds"
             self.diagnostics.error(message, node.start, node.end, hint)
             return []
@@ -456,7 +460,7 @@ class Data:
                     found.append((variable, made[0]))
         if not found and not self.diagnostics.error_count:
             listed = ", ".join(shortened([f"`{each}`" for each in data.columns if each != TIME]))
-            message = f"no variable is called like a column of `{name}`"
+            message = f"no variable has the name of a column of `{name}`"
             self.diagnostics.error(message, node.start, node.end, f"its columns are {listed}")
         return found
 

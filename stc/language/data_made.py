@@ -25,7 +25,7 @@ MOST_CELLS = 1_000_000
 
 #: The least distance of two places of a table, as a share of its length; and the greatest length, or its reciprocal.
 NEAR, LENGTH = 1e-12, 1e100
-NEAR_HINT = f"places are told apart that are a share of {NEAR:g} of all of the table from each other"
+NEAR_HINT = f"points must differ by more than a share of {NEAR:g} of all of the table from each other"
 
 _PART = re.compile(r'"([^"]*)"|([^.]+)')
 
@@ -52,7 +52,7 @@ def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | Non
         raise DataError(f"data is read from a .csv, .tsv or .npz file, not from `{path}`", hint)
     if carried is not None:
         if path not in carried:
-            raise DataError(f"the solution does not carry `{path}`")
+            raise DataError(f"the solution file does not contain `{path}`")
         return carried[path]
     folder = Path(spec).parent if spec else Path()
     try:

@@ -240,7 +240,7 @@ class _Elaborator(Context):
                 elif self.method == "central" and not told:
                     told = True
                     hint = "choose `method: trapezoidal;` or `method: hermite-simpson;`"
-                    self.error(block.header, "the method `central` knows no jumps", hint)
+                    self.error(block.header, "the method `central` does not support jumps", hint)
                 for quantity in statement.quantities:
                     named = self._jump_quantity(quantity)
                     if named is None or where is None or block.header is None:
@@ -252,7 +252,7 @@ class _Elaborator(Context):
             if jumping and self.method == "central" and not told:
                 span = jumping[0].span
                 hint = "choose `method: trapezoidal;` or leave the line out for hermite-simpson"
-                message = "contact begins or ends within the motion, and the method `central` knows no jumps"
+                message = "contact begins or ends within the motion, and the method `central` does not support jumps"
                 self.diagnostics.error(message, span.start, span.end, hint)
             for jump in jumping:
                 found.setdefault((jump.frame, jump.name, jump.order), jump)
@@ -318,9 +318,12 @@ class _Elaborator(Context):
                     else self.builder.paths.distances.exact(one, self._structural)
                 )
                 if self.is_fixed(body):
-                    message = "this constraint holds no unknown"
+                    message = "this constraint contains no unknown"
                     self.diagnostics.warning(
-                        message, statement.start, statement.end, "it is true or false as it is"
+                        message,
+                        statement.start,
+                        statement.end,
+                        "it is true or false whatever the solution is",
                     )
             came.append(len(found) - before)
             if statement.complementary and came[-3:] != [1, 1, 1]:  # as of distances, which take several rows
@@ -377,7 +380,7 @@ class _Elaborator(Context):
                 name = ref.name.partition(".")[0]
                 hint = f"sum over its rows instead, as in `[{name}]: (x - {ref.name})^2;`, or give it a file of its own"
                 self.error(
-                    node, f"`{ref.name}` has nowhere two numbers in a row, and an integral wants them", hint
+                    node, f"`{ref.name}` has no two consecutive numbers, which an integral needs", hint
                 )
         return counted_where_known(integrand, self.data, self.builder.pieces)
 
@@ -395,9 +398,9 @@ class _Elaborator(Context):
             return False
         ref, time = found
         hint = "a term of an `integral` in the objective counts only where there are numbers"
-        message = f"`{ref.name}` has gaps, and this statement wants it at every frame"
+        message = f"`{ref.name}` has gaps, and this statement needs a number at every frame"
         if time is not None:
-            message = f"`{ref.name}` has a gap at t = {time:.6g} s, where this statement wants a number"
+            message = f"`{ref.name}` has a gap at t = {time:.6g} s, where this statement needs a number"
         self.error(node, message, hint)
         return True
 

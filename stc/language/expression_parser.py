@@ -116,7 +116,7 @@ class ExpressionParser:
             hint = "units are not written; write `*` to multiply"
         elif self.kind == "(" and self.at > 2 and self.kinds[self.at - 2] == ".":
             hint = (
-                "a column of a motion is a number at the time of its statement: leave the `(...)` out; "
+                "a column of a motion is a number at the time of its statement: remove the `(...)`; "
                 "a function of something else is a table: `f = table(data.x, data.y);` under `data:`"
             )
         elif self.kind in ("name", "(") and previous in ("number", ")", "]", "prime"):

@@ -83,7 +83,7 @@ _SAID_OTHERWISE = {
     **dict.fromkeys(("relu", "pos", "ramp"), (1, "write `max({0}, 0)`")),
     **dict.fromkeys(
         ("heaviside", "step"),
-        (1, "it jumps; smooth is `(1 + tanh({g0}/e))/2` with a constant `e` as small as matters"),
+        (1, "it jumps; smooth is `(1 + tanh({g0}/e))/2` with a small constant `e`"),
     ),
     **dict.fromkeys(("norm", "hypot", "length"), (2, "write `sqrt({g0}^2 + {g1}^2)`")),
     "dot": (2, "products of vectors are written out: `a1*b1 + a2*b2`"),
@@ -124,7 +124,7 @@ def conditional_hint(parser: ExpressionParser) -> str:
         "where frames decide, each formula stands under a range header, as in\n"
         f"definitions: [0, 10]: chosen = {yes}; [11, n]: chosen = {no};\n"
         f"where unknowns do, this has a step and no slope; smooth is\n{smooth}\n"
-        "with a constant `e` as small as matters, as in `constants: e = 0.01;`"
+        "with a small constant `e`, as in `constants: e = 0.01;`"
     )
 
 

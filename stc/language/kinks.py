@@ -147,7 +147,7 @@ def _no_slope(builder: ExpressionBuilder, node: syntax.Call, known: bool) -> tup
     of = _text(builder, argument)
     hint = (
         f"`{_tight(builder, argument)}*abs({of})` is smooth and stands for `{text}*{_tight(builder, argument)}^2`; "
-        f"else take\n`tanh({_tight(builder, argument)}/e)` with a constant `e` as small as matters, as in "
+        f"else take\n`tanh({_tight(builder, argument)}/e)` with a small constant `e`, as in "
         f"`constants: e = 0.01;`"
     )
     return f"`{text}` jumps where `{of}` is 0", hint
@@ -200,7 +200,7 @@ def advice(
     if weight and (weight > 0) == (name != "min"):
         sign = ">=" if weight > 0 else "<="
         rows = " ".join(f"{new} {sign} {part};" for part in members)
-        end = f"and `{new}` in place of `{text}`: as {'small' if weight > 0 else 'large'} as it may be, it is just that"
+        end = f"and `{new}` in place of `{text}`: at the optimum both are equal"
         return message, f"write\nvariables: {new};\nconstraints: {header} {rows}\n{end}"
     rows = _exactly(builder, node, new)
     return (
@@ -218,7 +218,7 @@ def _rounded(builder: ExpressionBuilder, node: syntax.Call) -> str:
         sign = "+" if node.function == "max" else "-"
         shown = f"`({parts[0]} + {tight[1]} {sign} sqrt(({parts[0]} - {tight[1]})^2 + e^2))/2`"
         shown += ", and the same again with each further one" if len(parts) > 2 else ""
-    return f"rows have no unknowns of their own: round the kink off, {shown} with a constant `e` as small as matters"
+    return f"rows of data have no unknowns: round the kink, {shown} with a small constant `e`"
 
 
 def _exactly(builder: ExpressionBuilder, node: syntax.Call, new: str) -> str:
@@ -268,7 +268,7 @@ def _relation_lines(
         return f"write `{rows}`"
     members = [*parts, _negative(builder, node.arguments[0])] if name == "abs" else parts
     rows = " or ".join(f"`{part} {sign} {limit};`" for part in members)
-    return f"this leaves a choice, which you make: state {rows} on the frames where it is to hold"
+    return f"this leaves a choice to you: state {rows} on the frames where it is to hold"
 
 
 def _weight(e: syntax.Expression, wanted: syntax.Call) -> int:

@@ -50,7 +50,7 @@ def _mistake(context: Context, e: Expr, integral: bool, rows: str) -> tuple[str,
         return f"a definition reads `{again[0]}` as a function of time", hint
     data = None if context.data is None else context.data.sets.get(rows)
     if moves and data is not None and (data.time is None or data.time.shape != (data.rows,)):
-        return f"`{rows}` does not say when: it has no column `{TIME}`", f"add a column `{TIME}`, in seconds"
+        return f"`{rows}` has no column `{TIME}`, which is needed here", f"add a column `{TIME}`, in seconds"
     return None
 
 

@@ -101,7 +101,7 @@ def forces_on_coordinates(context: Context) -> dict[str, list[Expr]]:
                 if context.table.kind(name) == "variable":
                     hint = did_you_mean(name, known) or "forces act on joints, as in `joint.knee: ...;`"
                     context.error(
-                        statement.name, f"this force acts on nothing: `{name}` is no coordinate", hint
+                        statement.name, f"this force acts on nothing: `{name}` is not a coordinate", hint
                     )
     return found
 

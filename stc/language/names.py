@@ -62,7 +62,7 @@ def _check_paths(table: NameTable, numbers: Mapping[str, float], diagnostics: Di
                 did_you_mean(name, numbers)
                 or "numbers of the model can be given, or be parameters: `body.NAME.mass`"
             )
-            message = f"`{name}` is no number of the model that can be a {entry.kind}"
+            message = f"`{name}` is not a number of the model that can be a {entry.kind}"
             diagnostics.error(message, entry.start, entry.end, hint)
 
 

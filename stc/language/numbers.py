@@ -69,7 +69,7 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
             elif a and c:
                 raise NotANumber(node, "an index has to be of the form `a*i + b`")
             else:
-                # Zero times infinity is no number: a factor without `i` has no share in `a`.
+                # Zero times infinity is not a number: a factor without `i` has no share in `a`.
                 a, b = (a * d if a else 0.0) + (b * c if c else 0.0), b * d
         return _checked(node, a, b, endless)
     if isinstance(node, syntax.Power):
@@ -90,9 +90,9 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
     if isinstance(node, syntax.Index):
         raise NotANumber(node, "the value at a frame is not known before solving")
     if isinstance(node, syntax.Vector):
-        raise NotANumber(node, "a vector is no number")
+        raise NotANumber(node, "a vector is not a number")
     if isinstance(node, syntax.Member):
-        raise NotANumber(node, "where something is is not known before solving")
+        raise NotANumber(node, "positions are not known before the solve")
     raise NotANumber(node, f"`{node.function}` cannot stand here")
 
 

@@ -578,7 +578,7 @@ class _Parser(ExpressionParser):
             hint = did_you_mean(word.name, known) or "lines start with " + ", ".join(
                 f"`{name}`" for name in known
             )
-            self.diagnostics.error(f"`{word.name}` is no kind of replay line", word.start, word.end, hint)
+            self.diagnostics.error(f"`{word.name}` is not a kind of replay line", word.start, word.end, hint)
             raise Misread
         path_parts = [self.path_part(word.name)]
         while self.kind == ".":

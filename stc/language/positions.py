@@ -77,7 +77,7 @@ class Positions:
                 if isinstance(made, NotANumber):
                     hint = f"{what} is made of constants{' and `i`' if indexed else ''}"
                     root = made.__cause__ if isinstance(made.__cause__, NotANumber) else made
-                    message = f"`{name}` is no number before solving: {root.message}"
+                    message = f"`{name}` is not a number before solving: {root.message}"
                     raise NotANumber(node, message, hint) from root
                 if isinstance(made, Unknown):
                     raise made

@@ -421,7 +421,9 @@ class _Writer:
         if isinstance(value, str) or value >= 0:
             return str(value)
         if part.glued:
-            raise self.fail(part.value, f"this is {value} for {_listed(values)}, which is no part of a name")
+            raise self.fail(
+                part.value, f"this is {value} for {_listed(values)}, which is not a part of a name"
+            )
         return f"({value})"
 
     def _whole(self, node: syntax.Expression, values: Values) -> int:

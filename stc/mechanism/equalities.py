@@ -170,7 +170,7 @@ def follower(mechanism: Mechanism, equality: Equality, q: Expr, v: Expr, a: Expr
     """The first joint of a joint equality from the motion of the second, which does not matter where there is none.
 
     Raises:
-        ValueError: it is no joint equality.
+        ValueError: it is not a joint equality.
     """
     if equality.kind != "joint":
         raise ValueError(f"equality {equality.name} of kind {equality.kind} eliminates no coordinate")

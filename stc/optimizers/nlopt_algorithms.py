@@ -146,7 +146,7 @@ def choose(name: str) -> Choice:
     second = local or algorithm.local
     found = _named(second, name)
     if found.search or found.local:
-        raise UsageError(f"{name}: `{second}` is no local algorithm", f"for example: nlopt:{main}:lbfgs")
+        raise UsageError(f"{name}: `{second}` is not a local algorithm", f"for example: nlopt:{main}:lbfgs")
     return Choice(name, algorithm, found, second)
 
 

@@ -184,7 +184,7 @@ class _Search:
         near = "" if is_convex(self.bound) else ", at least near here"
         several = f"These {len(culprits)} statements cannot hold together{near}"
         if len(culprits) == 1:
-            summary = f"This statement cannot hold{near}, whatever the others say:"
+            summary = f"This statement cannot hold{near}, whatever the other statements are:"
         elif conflict.minimal:
             summary = f"{several}; without any one of them the others can:"
         else:

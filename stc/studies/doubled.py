@@ -49,7 +49,7 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
         grid has no solution close by, or where the spec does not say what the same motion on more frames is.
 
     Raises:
-        SpecError: the text that the solution carries is no spec.
+        SpecError: the text that the solution carries is not a spec.
     """
     allowed = max(SHARE_OF_TIME * solution.seconds.get("processor", 0.0), LEAST_TIME)
     if _expected(solution) > allowed:

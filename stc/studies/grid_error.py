@@ -56,7 +56,7 @@ FloatArray = NDArray[np.float64]
 GROSS = 0.01
 """An error above this share of the objective, or of the range of a variable, is gross."""
 NO_GUESS = 0.1
-"""Above this share: what was found is no motion that could be a guess."""
+"""Above this share: what was found is not a motion that could be a guess."""
 CORNER, WIGGLE = 1.0 / 12.0, 0.2
 """Of a step times what a rate changes by where it turns somewhere in it: what the states are off by, on average."""
 WHOLE = 1.0
@@ -121,7 +121,7 @@ def grid_error(solution: Solution) -> GridError | None:
         As :func:`local_grid_error`.
 
     Raises:
-        SpecError: the text that the solution carries is no spec.
+        SpecError: the text that the solution carries is not a spec.
     """
     local = local_grid_error(solution)
     if local is None:
@@ -147,7 +147,7 @@ def local_grid_error(solution: Solution) -> GridError | None:
         The estimate; None where there is none to make: no solution, or one of a single frame or in time steps.
 
     Raises:
-        SpecError: the text that the solution carries is no spec.
+        SpecError: the text that the solution carries is not a spec.
     """
     if solution.status != "optimal" or not solution.n or not (np.diff(solution.time) > 0.0).all():
         return None

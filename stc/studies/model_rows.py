@@ -93,7 +93,7 @@ def _places(
         key = line.body.payload if line.body.op == "sym" else None
         if not isinstance(key, VariableRef):
             raise UsageError(
-                f"`{line.kind} {'.'.join(line.path)}` is no variable",
+                f"`{line.kind} {'.'.join(line.path)}` is not a variable",
                 "equations of a model are compared where its joints and actuators are tied as the model ties them",
             )
         if line.kind == "actuator":

@@ -1,11 +1,11 @@
-"""Controls that alternate from node to node where nothing holds them: ringing.
+"""Ringing: controls that alternate from node to node because the objective does not determine them.
 
 On a singular arc the Hamiltonian is linear in a control, and only its effect over a step or two matters to the
-objective.  The transcription's nodes leave it free to alternate within that: under the trapezoidal rule from frame to
-frame, under hermite-simpson from midpoint to frame as well.  The solution is right but for the control (J. T. Betts,
-Practical methods for optimal control and estimation using nonlinear programming, 2010, section 4.14).  What alternates
-at every node for several steps is no motion that this grid could tell from any other: neither a control that switches,
-however often, nor one that oscillates, each of which keeps its value or its direction over some nodes.
+objective.  Between the nodes it can alternate: under the trapezoidal rule from frame to frame, under hermite-simpson
+from midpoint to frame as well.  The solution is right except for the control (J. T. Betts, Practical methods for
+optimal control and estimation using nonlinear programming, 2010, section 4.14).  A variable that alternates at every
+node for several steps is recognised as ringing.  A control that switches or oscillates keeps its value or its
+direction over some nodes.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def ringing(solution: Solution) -> list[Ringing]:
         solution: any; none ring in one that is not optimal, under central differences, or with very few frames.
 
     Raises:
-        SpecError: the text that the solution carries is no spec.
+        SpecError: the text that the solution carries is not a spec.
     """
     if (
         solution.status != "optimal"

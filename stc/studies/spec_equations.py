@@ -120,7 +120,7 @@ class SpecEquations:
             if keys and not elsewhere:
                 laws.append(equation)
             elif any(k.shift for k in keys if k.name not in handed):
-                self.stepping.append(equation)  # a force that is held over some frames is no motion
+                self.stepping.append(equation)  # a force that is held over some frames is not a motion
         elif elsewhere or any(k.order > 2 for k in keys) or not is_linear(equation.body, top):
             self.skipped.append(equation)
         else:

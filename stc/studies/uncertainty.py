@@ -97,7 +97,7 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
     other = next((term for term, found in terms if not term.rows or not found), None)
     if other is not None:
         raise UsageError(
-            f"no standard errors: `{other.text}` is no square on the rows of data",
+            f"no standard errors: `{other.text}` is not a square on the rows of data",
             "they follow from squares, as in `[walk]: (q - walk.q)^2;`, each perhaps with a known weight",
         )
     bound = transcription.bind(problem.constants, start=solution.x, check=False)

@@ -123,7 +123,7 @@ class Folder:
         if manifest.is_file():
             self._require_same(_json(manifest), wanted)
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise UsageError(f"{path} is no folder of a sweep, and not empty", "name a new folder with -o")
+            raise UsageError(f"{path} is not a folder of a sweep, and not empty", "name a new folder with -o")
         (path / "points").mkdir(parents=True, exist_ok=True)
         if not manifest.is_file():
             _write_json(manifest, wanted)

@@ -23,7 +23,7 @@ from typing import Final
 PRIME: Final = (1 << 61) - 2373
 """The largest prime p below 2^61 of which (p - 1)/2 is a prime too.
 
-So no power of two of a double is 1 in the field, as 2^61 is modulo 2^61 - 1, and -1 is no square.
+So no power of two of a double is 1 in the field, as 2^61 is modulo 2^61 - 1, and -1 is not a square.
 """
 
 UNKNOWN: Final = math.nan
@@ -93,7 +93,7 @@ def _circle(argument: Fingerprint) -> tuple[Fingerprint, Fingerprint]:
     """A point (sine, cosine) with coordinates whose squares add up to one."""
     size, sign = _unsigned(argument)
     t = element(3, size)
-    scale = _inverse(1 + t * t)  # never zero: -1 is no square modulo this prime
+    scale = _inverse(1 + t * t)  # never zero: -1 is not a square modulo this prime
     return sign * 2 * t * scale % PRIME, (1 - t * t) * scale % PRIME
 
 

@@ -212,7 +212,7 @@ def _check_limits(
 
 
 def _check_value(relation: Relation, e: Expr, value: FloatArray, nodes: Nodes, numbers: Numbers) -> None:
-    """Refuse what is no number at some node, such as what is too large for one.
+    """Refuse what is not a number at some node, such as what is too large for one.
 
     Raises:
         EvaluationError: with the statement, the frame and the constants.

@@ -202,7 +202,9 @@ def check_names(given: GivenValues, problem: Problem) -> None:
     name = unknown[0]
     near = get_close_matches(name.rstrip("'"), known, n=1, cutoff=0.5)
     hint = f"did you mean `{near[0]}`?" if near else f"it has {', '.join(known) or 'none'}"
-    raise UsageError(f"the guess names `{name}`, which is no variable or parameter of {problem.name}", hint)
+    raise UsageError(
+        f"the guess names `{name}`, which is not a variable or parameter of {problem.name}", hint
+    )
 
 
 def check_motion(earlier: Solution, problem: Problem) -> None:
@@ -291,7 +293,7 @@ def _step_hint(
 
 
 def _no_value(guess: Guess, frame: float | None) -> EvaluationError:
-    """What to raise for a guess that is no number at a frame."""
+    """What to raise for a guess that is not a number at a frame."""
     hint = "a guess is a number on every frame of its range"
     return EvaluationError("this guess has no value", frame=frame, span=guess.span, hint=hint)
 

@@ -147,7 +147,7 @@ class Measured:
             turning = any(ref.name in rotation.quaternion for rotation in self.lowering.problem.rotations)
             for unknown, weight in self._weights(ref, turning):
                 at_node = sym(unknown)
-                if turning and unknown.order:  # what changes a quaternion is no unknown of its own
+                if turning and unknown.order:  # what changes a quaternion is not an unknown of its own
                     at_node = self._rate(replace(unknown, order=0))
                 weight = np.where(np.isfinite(weight), weight, 0.0)
                 used = weight[self.rows]

@@ -303,7 +303,7 @@ class Point:
 
 
 def _largest(values: FloatArray) -> float:
-    """The largest of some values that are not negative; infinite where one is no number."""
+    """The largest of some values that are not negative; infinite where one is not a number."""
     most = float(values.max(initial=0.0))
     return most if most == most else np.inf
 

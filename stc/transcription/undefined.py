@@ -31,7 +31,7 @@ def constant_fault(body: Expr, constants: Mapping[object, float]) -> tuple[str, 
         if np.isfinite(value):
             continue
         if node.op in ("sym", "num"):
-            return "`inf` is no number; as a bound it means that there is none", _named(node, constants)
+            return "`inf` is not a number; as a bound it means that there is none", _named(node, constants)
         if np.isinf(value):
             return "its constants give more than the largest number, 1.797e308", _named(node, constants)
         return "a part that is made of constants alone is no real number", _named(node, constants)

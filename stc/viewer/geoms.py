@@ -55,5 +55,5 @@ def fill_geom(geom: mujoco.MjvGeom, shape: Shape) -> None:
     if shape.kind != "ball":
         mujoco.mjv_connector(geom, kind, shape.width, np.array(shape.start), np.array(shape.end))
     geom.category = int(mujoco.mjtCatBit.mjCAT_DECOR)
-    # What is no body throws no shadow, and is seen in the dark.
+    # What is not a body throws no shadow, and is seen in the dark.
     geom.emission, geom.castshadow = 0.4, 0

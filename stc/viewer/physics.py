@@ -158,7 +158,7 @@ class Recording:
         if self.tracked:
             laws = steering(self._setup)[1]
             if not laws:
-                self.error = "no actuator moves one joint: there is nothing to track the motion with"
+                self.error = "the motion cannot be tracked: no actuator moves a single joint"
                 return
             feedback, self.law = laws[0], laws[0].kind
         step = time_step_for(self._setup, limits.TIME_STEP)

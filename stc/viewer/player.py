@@ -134,7 +134,7 @@ class Player:
 
     @property
     def recording(self) -> Recording | None:
-        """The physics that is shown, open loop or tracked; None while the motion is no solution yet."""
+        """The physics that is shown, open loop or tracked; None while the motion is not a solution yet."""
         return self._recordings.get(self.options.tracked)
 
     @property

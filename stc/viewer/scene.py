@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 GHOST, PREFIX, GROUP = "ghost", "ghost/", 5
 _COLOUR = (0.25, 0.55, 1.0, 0.35)
 
-#: Groups of geoms that MuJoCo shows: what is hidden in the model is no part of its ghost.
+#: Groups of geoms that MuJoCo shows: what is hidden in the model is not a part of its ghost.
 _SHOWN = 3
 
 #: The view is from above by at least so many degrees, which parts the ghost from the body, and leaves some room.

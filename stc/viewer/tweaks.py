@@ -49,7 +49,7 @@ def session_for(solution: Solution) -> TweakSession:
     """A session that starts from a solution, with all constants of its spec to turn.
 
     Raises:
-        SpecError: the text that the solution carries is no spec.
+        SpecError: the text that the solution carries is not a spec.
     """
     return TweakSession(solution, constants_of(model_of(solution), solution))
 

@@ -245,7 +245,7 @@ def test_what_did_not_converge_does_not_cost_an_optimal_solution(stc_: Stc, suff
     kept = Path(f"rest.optimal{suffix}")
     assert (status, err.strip()) == (
         1,
-        f"note: rest{suffix} held an optimal solution, which this one is not: it is kept as {kept}",
+        f"note: rest{suffix} held an optimal solution, and the new one is not optimal; the old file is kept as {kept}",
     )
     assert kept.read_bytes() == best
     assert stc.read(f"rest{suffix}").status == "iteration_limit"
@@ -365,7 +365,7 @@ def test_a_spec_without_a_replay_section_is_solved_but_not_validated(stc_: Stc) 
         (["solve", "point", "--set", "c"], "NAME=VALUE"),
         (["solve", "point", "--set", "c="], "NAME=VALUE"),
         (["solve", "point", "--set", "c=1/0"], "division by zero"),
-        (["solve", "point", "--set", "c=y"], "`y` is no number"),
+        (["solve", "point", "--set", "c=y"], "`y` is not a number"),
         (["solve", "point", "--set", "c=(1"], "`)`"),
         (["solve", "point", "--set", "d=1"], "d"),
         (["solve", "point", "--method", "trapezoid"], "did you mean `trapezoidal`?"),
@@ -572,7 +572,7 @@ def test_what_is_no_spec_is_told_in_few_lines(stc_: Stc) -> None:
     status, out, err = stc_("check", "README.md", "--json")
     assert status == 2
     assert len(err.splitlines()) < 120
-    last = "`README.md` may be no spec: those are .stc files; `stc new NAME` writes one"
+    last = "`README.md` may not be a spec: specs are .stc files; `stc new NAME` writes one"
     assert err.rstrip().endswith(last)
     mistakes = last_line(out)["diagnostics"]
     assert f"and {len(mistakes) - 20} more mistakes" in err

@@ -54,7 +54,7 @@ def refused(call: Stc, *words: str, what: str) -> None:
     status, _, err = call(*words)
     assert status == 2, err
     assert f"that is {what}, which would be lost" in err
-    assert "give the file another name" in err
+    assert "choose another file name" in err
     assert {path: path.read_bytes() for path in Path().iterdir() if path.is_file()} == before
 
 

@@ -81,7 +81,7 @@ def test_what_is_no_solution_is_shown_only_by_force(words: list[str], stc_: Stc)
     assert status == 2
     assert f"is not {done}: its solve ended iteration_limit, not optimal" in err
     assert "--force" in err.splitlines()[-1]
-    if done != "replayed":  # whether a replay of what is no solution goes well is another matter
+    if done != "replayed":  # whether a replay of what is not a solution goes well is another matter
         assert stc_(*words, "--force")[0] == 0
 
 

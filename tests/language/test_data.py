@@ -117,7 +117,12 @@ def test_what_to_do_about_a_file(content: str, hint: str, tmp_path: Path) -> Non
     ("data", "e", "message", "hint"),
     [
         ("f = table(d.a, d.b) monotone;", "f(x)", "expected `,` before `monotone`", ""),
-        ("f = table(d.a, d.b), hold;", "f(x)", "`hold` is no option of a table", "write `outside = hold`"),
+        (
+            "f = table(d.a, d.b), hold;",
+            "f(x)",
+            "`hold` is not an option of a table",
+            "write `outside = hold`",
+        ),
         ("f = table(7);", "f(x)", "expected a column, as in `polar.alpha`, found `7`", ""),
         ("e1 = (a, b): (0, 1) (1, 2);", "x", "expected `,` between two rows, found `(`", "rows are"),
         (
@@ -226,7 +231,12 @@ WRONG = [
         "d.a",
     ),
     (FILE + "f = table(d.a, d.b);", "a,b\n0,1\n1,\n2,4", "`d.b` has no number on line 3 of `d.csv`", "d.b"),
-    (FILE + "f = table(d.a, d.b), smooth;", "a,b\n0,1\n1,2", "`smooth` is no option of a table", "smooth"),
+    (
+        FILE + "f = table(d.a, d.b), smooth;",
+        "a,b\n0,1\n1,2",
+        "`smooth` is not an option of a table",
+        "smooth",
+    ),
     (FILE + "f = table(d.a, d.b), outside = zero;", "a,b\n0,1\n1,2", "no `zero`", "zero"),
     (
         FILE + "f = table(d.a, d.b), linear, monotone;",

@@ -75,7 +75,13 @@ def show(certificate: Certificate) -> Iterator[Any]:
     yield Text(heading, style="bold")
     yield _Measurements(certificate)
     facts = dict(certificate.facts())
-    for label in ("spec", "changed constants", "model", "integrator", "stated by the solution, not recomputed"):
+    for label in (
+        "spec",
+        "changed constants",
+        "model",
+        "integrator",
+        "stated by the solution, not recomputed",
+    ):
         if label in facts:
             yield Text(f"{label}: {facts[label]}", style="dim")
     for note in certificate.notes:

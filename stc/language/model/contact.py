@@ -265,7 +265,7 @@ class Contacts(Schedule):
                 hint = "a schedule states sliding in a plane, along one line"
                 self.context.error(phase.statement, message, hint)
                 return
-            way, text = num(float(phase.way)), f"{contact.name} rubs against its sliding ({what})"
+            way, text = num(float(phase.way)), f"{contact.name} has friction against its sliding ({what})"
             rubbing = along[moving[0]] + mul(way, mul(friction, up))
             yield Relation(rubbing, ZERO, ZERO, where, span, text)
             yield Relation(

@@ -3,7 +3,7 @@
 At the end of every step pairs decide of which each is a force and what it works against.  A point pushes only where it
 touches: its gap g and its pressure p are not negative, and g p = 0.  Friction f is within Coulomb's cone, |f| <= mu p.
 
-As under a schedule a point stands still where it touches: p v = 0, with the velocity v along the surface, in that step
+As under a schedule a point does not slip where it touches: p v = 0, with the velocity v along the surface, in that step
 and in the next one, lest it comes down on every other frame and slips in between.  A sole stands flat: its gap is that
 of all corners, and its wrench in the cone of a rectangle.  A point that ``slides`` may move, and then friction
 dissipates the most it can: with the speed s,
@@ -92,7 +92,7 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     for gap in found.gaps:
         yield row(gap, ZERO, None, f"is not below the {surface.name}")
     yield row(pressure, ZERO, None, "pushes")
-    yield row(mul(pressure, sum_of(found.gaps)), None, allowed, "pushes where it touches")
+    yield row(mul(pressure, sum_of(found.gaps)), None, allowed, "pushes only where it touches")
     if len(along) == 1 and contact.kind == "point":
         for sign in (1.0, -1.0):
             yield row(sub(friction, mul(num(sign), along[0][0])), ZERO, None, "has friction within its cone")
@@ -103,7 +103,7 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     moving = [rate for rate in found.slip if rate is not ZERO]
     if not contact.says("slides"):
         for rate in moving:
-            yield row(mul(pressure, rate), neg(allowed), allowed, "stands still where it touches")
+            yield row(mul(pressure, rate), neg(allowed), allowed, "does not slip where it touches")
             if contact.kind == "point":
                 body, before = mul(pressure, _in_the_next_step(rate)), FrameRange(1, phase.frames.last - 1)
                 text = f"{contact.name} stands still until it has left"
@@ -111,10 +111,10 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
         return
     slip, still = sym(VariableRef(contact.slip)), mul(num(RATE), sym(ConstantRef(RELAXATION)))
     squares = sum_of([mul(still, still), *(mul(rate, rate) for rate in moving)])
-    yield row(slip, ZERO, None, "slides at no negative speed")
-    yield row(sub(mul(slip, slip), squares), ZERO, ONE, "slides as fast as it moves")
+    yield row(slip, ZERO, None, "has a sliding speed of at least 0")
+    yield row(sub(mul(slip, slip), squares), ZERO, ONE, "has the sliding speed of its point")
     power = sum_of([*(mul(part, rate) for part, rate in along), mul(friction, sub(slip, still))])
-    yield row(power, None, allowed, "rubs against its sliding, as much as it can")
+    yield row(power, None, allowed, "has full friction against its sliding")
 
 
 def _along(contact: Contact, found: FreeContact) -> list[tuple[Expr, Expr]]:
@@ -145,12 +145,12 @@ def _pairs(
 
     slip = sym(VariableRef(contact.slip))
     for gap in found.gaps:
-        yield from pair(found.pressure, gap, "pushes where it touches")
-    text = f"{contact.name} slides as fast as it moves"
+        yield from pair(found.pressure, gap, "pushes only where it touches")
+    text = f"{contact.name} has the sliding speed of its point"
     yield Relation(sub(mul(slip, slip), mul(rate, rate)), None, ONE, where, found.span, text)
     for sign in (num(1.0), num(-1.0)):
         room, ahead = friction + mul(sign, force), div(slip + mul(sign, rate), num(RATE))
-        yield from pair(room, ahead, "rubs against its sliding")
+        yield from pair(room, ahead, "has friction against its sliding")
 
 
 def _first_frame(contact: Contact, found: FreeContact) -> Iterator[Relation]:

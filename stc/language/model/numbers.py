@@ -38,7 +38,7 @@ def given_numbers(context: Context, model: ModelScope, replay: Sequence[ReplayCh
         if name in model.constants:
             found[ConstantRef(name)] = channel.body
         else:
-            hint = f"it is no input of the equations: give it by `constants: {name} = 0.1;` or `--set {name}=0.1`"
+            hint = f"it is not an input of the equations: give it by `constants: {name} = 0.1;` or `--set {name}=0.1`"
             message = f"`set {name}` would change the replay and not the equations"
             context.diagnostics.error(message, channel.span.start, channel.span.end, hint)
     return found

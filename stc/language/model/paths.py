@@ -47,7 +47,7 @@ class Paths:
         return any(name in rotation.quaternion for rotation in self.scope.rotations)
 
     def resolve(self, path: str) -> Expr:
-        """The expression of a path that is no variable.
+        """The expression of a path that is not a variable.
 
         Raises:
             PathError: there is no such thing, or it has no such field.
@@ -73,7 +73,7 @@ class Paths:
         if kind == "energy" and len(rest) == 1 and rest[0] in ("kinetic", "potential"):
             return dynamics.kinetic_energy() if rest[0] == "kinetic" else dynamics.potential_energy()
         if kind not in KINDS or not rest:
-            raise PathError(f"`{path}` is nothing of the model", self._what_there_is(kind))
+            raise PathError(f"`{path}` is not a name of the model", self._what_there_is(kind))
         return self._field(path, self.frame(kind, rest[0]), rest[1:])
 
     def _body(self, name: str) -> int:
@@ -126,7 +126,7 @@ class Paths:
         if call.function == "distance":
             return self.distances.of(call)
         hint = f"write one of {', '.join(f'`.{one}`' for one in PLACE_FIELDS[:9])} after it"
-        raise PathError("a point is no number", hint)
+        raise PathError("a point is not a number", hint)
 
     def point(self, call: syntax.Call, at: Sequence[Expr]) -> tuple[Frame, str]:
         """The frame of ``point(body.NAME, x, y, z)``, and the name of the body.
@@ -144,9 +144,9 @@ class Paths:
         if call.function != "point" or len(at) != 3:
             raise PathError(hint, "x, y and z are constants or parameters")
         if kind != "body" or len(rest) != 1:
-            raise PathError(f"`{body.name if isinstance(body, syntax.Name) else 'this'}` is no body", hint)
+            raise PathError(f"`{body.name if isinstance(body, syntax.Name) else 'this'}` is not a body", hint)
         if not all(isinstance(key, ConstantRef | ParameterRef) for part in at for key in symbols(part)):
-            raise PathError("a point that is fixed in a body has places that do not change", hint)
+            raise PathError("the coordinates of a point in a body must be constant", hint)
         self.frame(kind, rest[0])  # tells of a name that is not there
         index = index_of(self.scope.mechanism.bodies, rest[0])
         assert index is not None
@@ -194,7 +194,7 @@ class Paths:
         if len(rest) == 2 and field in ("xaxis", "yaxis", "zaxis") and rest[1] in _AXES:
             axes = self.scope.dynamics.kinematics.axes_of(frame)
             return axes[_AXES[rest[1]]][_AXES[field[0]]]
-        what = f"`{path}` has no field `{'.'.join(rest)}`" if rest else f"`{path}` is no number"
+        what = f"`{path}` has no field `{'.'.join(rest)}`" if rest else f"`{path}` is not a number"
         hint = did_you_mean(field, PLACE_FIELDS) if rest else ""
         raise PathError(
             what, hint or f"write one of {', '.join(f'`.{one}`' for one in PLACE_FIELDS[:9])} after it"

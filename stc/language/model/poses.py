@@ -69,7 +69,7 @@ class Poses:
                     did_you_mean(name, list(values))
                     or "a pose gives values to coordinates, as in `joint.knee`"
                 )
-                self.context.error(change.name, f"`{name}` is no coordinate of the model", hint)
+                self.context.error(change.name, f"`{name}` is not a coordinate of the model", hint)
                 continue
             self.context.builder.poisoned = False
             value = self.context.builder.build(change.value)
@@ -121,7 +121,7 @@ class Poses:
         heights = self.heights()
         if not heights:
             self.context.error(
-                pose, "nothing touches the floor in this spec", "declare contacts under `contact:`"
+                pose, "no contact of this spec touches the floor", "declare contacts under `contact:`"
             )
             return None
         lowest = float(Point(self.scope, numbers, constants).numbers(heights).min())

@@ -182,7 +182,9 @@ class Schedule:
             )
         of, *rest = parts_of(where.name)
         if of not in ("site", "geom", "body") or len(rest) != 1:
-            raise PathError(f"`{where.name}` is no place of the model", "write `site.NAME` or `geom.NAME`")
+            raise PathError(
+                f"`{where.name}` is not a site, geom or body of the model", "write `site.NAME` or `geom.NAME`"
+            )
         frame = self.paths.frame(of, rest[0])
         if of != "geom":
             if kind == "foot":
@@ -217,7 +219,7 @@ class Schedule:
         numbers = [self.context.constants.value_of(part) for part in call.arguments[1:]]
         if None in numbers:
             raise PathError(
-                "a contact is at a place that is known before solving", "x, y and z are constants"
+                "the place of a contact must be known before the solve", "x, y and z are constants"
             )
         place = [float(x or 0.0) for x in numbers]
         frame, body = self.paths.point(call, [num(x) for x in place])

@@ -83,7 +83,8 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
     names = [geom.name for geom in scope.mechanism.geoms if geom.name]
     if kind != "geom" or len(rest) != 1:
         raise PathError(
-            f"`{path}` is no surface", f"write one of {', '.join(f'`geom.{quoted(n)}`' for n in names[:8])}"
+            f"`{path}` is not a surface",
+            f"write one of {', '.join(f'`geom.{quoted(n)}`' for n in names[:8])}",
         )
     index = index_of(scope.mechanism.geoms, rest[0])
     if index is None:

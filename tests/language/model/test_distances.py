@@ -150,7 +150,7 @@ MISTAKES = {
     "distance(geom.left, body.r)": "a distance is one between two geoms",
     "distance(geom.left, geom.rigth)": "the model has no geom `rigth`",
     "distance(geom.left, geom.left)": "a geom and itself",
-    "point(body.l, 0, 0, 1)": "a point is no number",
+    "point(body.l, 0, 0, 1)": "a point is not a number",
     "point(body.l, 0, 0).x": "a point in a body is `point(body.NAME, x, y, z)`",
     "point(body.l, joint.lx, 0, 0).x": "places that do not change",
     "point(body.m, 0, 0, 1).x": "the model has no body `m`",
