@@ -283,9 +283,9 @@ def summary(verdicts: Sequence[str]) -> str:
     return (
         "Times are medians over the rounds, *two over one* is their ratio. The quartiles are those of the ratios of "
         "the rounds; the last figure is the ratio of the shortest times. Two threads are *slower* if three rounds in "
-        f"four, and the shortest time, took more than {1 + MARGIN:g} times as long, *faster* if three rounds in four, and the "
-        f"shortest time, took less than {1 - MARGIN:g} times as long, otherwise *level*. Solves and evaluations give "
-        "the same bits.\n\n"
+        f"four, and the shortest time, took more than {1 + MARGIN:g} times as long, *faster* if three rounds in "
+        f"four, and the shortest time, took less than {1 - MARGIN:g} times as long, otherwise *level*. Solves and "
+        "evaluations give the same bits.\n\n"
         f"Of {len(verdicts)} cases, two threads are {', '.join(counts)}."
     )
 

@@ -159,7 +159,7 @@ class TableValues:
             self._warned = True
             warnings.warn(
                 f"{self.where} covers {self.place} = {first:g} to {last:g}, the motion {begin:g} to {end:g}; "
-                "where it has no rows the nearest one counts",
+                "outside of its rows the nearest one is used",
                 CoverageWarning,
                 stacklevel=2,
             )

@@ -91,7 +91,7 @@ def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None
     from stc.validate.ordinary import refusal
 
     if why := refusal(carried):
-        raise SolutionError(f"the model that it carries is refused: {why}")
+        raise SolutionError(f"the model in the file is refused: {why}")
     return carried
 
 
@@ -197,14 +197,14 @@ def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
     stated = _stated(plain, stored, files, data, beside)
     read = {each.file.path for each in stated.problem.data.values() if each.file is not None}
     if read != {file.path for file in data}:
-        raise SolutionError("the file was altered: it carries other data than its text reads")
+        raise SolutionError("the file was altered: it contains other data than its text reads")
     x = _unknowns(stated, stored)
     if plain["status"] == "optimal" and not np.isfinite(x).all():
         raise SolutionError("the file was altered: an optimal solution has no numbers that are not finite")
     y, z = _multipliers(stated, stored)
     if unknown := set(stored.members) - stored.used:
         raise SolutionError(
-            f"the file was altered: it holds {min(unknown)}, which is nothing of this solution"
+            f"the file was altered: it holds {min(unknown)}, which does not belong to this solution"
         )
     model = Path(stated.problem.model or "").name
     if files and files[0].path not in (model, f"{model}.xml"):
@@ -238,11 +238,11 @@ def _stated(
         problem = elaborate(parse(source), overrides, plain["method"])
         n = int(stored.facts["n"])
         if problem.n != n:
-            raise SolutionError(f"the file was altered: it tells of {n} steps, its text of {problem.n}")
+            raise SolutionError(f"the file was altered: it states {n} steps, its text {problem.n}")
         for unknown in stored.facts["unknowns"]:
             found = len(stored.vector(f"unknowns/{unknown['name']}")) - 1
             if found != n:
-                raise SolutionError(f"the file was altered: it tells of {n} steps and has {found}")
+                raise SolutionError(f"the file was altered: it states {n} steps and has {found}")
         stated = state(problem)
         key = _key(plain["source"], overrides, plain["method"], [*files, *data])
         _last[:] = [_Restated(key, problem, stated)]
@@ -253,8 +253,8 @@ def _stated(
         reason = str(error).splitlines()[0]
         missing = [file.path for file in files if file.content is None]
         if missing and source.model_file is None:
-            reason += f" (of its model the file carries all but {', '.join(missing[:3])})"
-        raise SolutionError(f"its text states no motion that this version can read: {reason}") from None
+            reason += f" (of its model the file contains all but {', '.join(missing[:3])})"
+        raise SolutionError(f"this version cannot read its text: {reason}") from None
 
 
 def _unknowns(stated: Stated, stored: Stored) -> FloatArray:

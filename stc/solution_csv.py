@@ -85,7 +85,7 @@ def read_csv(path: Path) -> Stored:
     else:
         places = [(f"unknowns/{unknown['name']}", unknown["after"]) for unknown in facts["unknowns"]]
     if numbers.shape[1] != len(places):
-        raise SolutionError("the file is damaged: its table has not the columns that it tells of")
+        raise SolutionError("the file is damaged: its table does not have the columns that its facts list")
     for (place, apart), column in zip(places, numbers.T):
         if place == "time":  # in tables of the first format
             members[place] = column[before]

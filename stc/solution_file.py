@@ -258,10 +258,10 @@ def files_of(stored: Stored) -> list[RecordedFile]:
             what = "its data" if before == DATA_ROLE else "its model's"
             raise SolutionError(f"the file was altered: {file.path} is said to be {what} {file.role}")
         if file.role == DATA_ROLE and content is None:
-            raise SolutionError(f"the file was altered: it does not carry its data {file.path}")
+            raise SolutionError(f"the file was altered: it does not contain its data {file.path}")
         if content is not None and sha256(content).hexdigest() != file.sha256:
             raise SolutionError(
-                f"the file was altered: {file.path}, which it carries, does not match its hash"
+                f"the file was altered: {file.path}, which it contains, does not match its hash"
             )
         found.append(file)
     return found

@@ -138,8 +138,8 @@ def _forward(transcription: Transcription, constants: Mapping[str, float] | None
     step, length = wrong
     names = " and ".join(f"`{parameter}`" for parameter in transcription.steps.parameters)
     message = (
-        f"The step from frame {step} to {step + 1} would take {length:.4g} s: all else is optimal, but steps are "
-        f"positive. Bound {names} so that they are, or start from a guess with longer ones."
+        f"The step from frame {step} to {step + 1} would take {length:.4g} s. All other conditions hold, but steps "
+        f"must be positive. Bound {names} accordingly, or start from a guess with longer steps."
     )
     return replace(result, status=Status.FAILED, message=message)
 

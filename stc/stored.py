@@ -52,7 +52,7 @@ def check_facts(facts: Any) -> dict[str, Any]:
     if not isinstance(facts, dict) or facts.get("kind") != "stc solution":
         raise SolutionError("this is not a solution file")
     if not isinstance(facts.get("format"), int):
-        raise SolutionError("the file does not tell its format version")
+        raise SolutionError("the file does not state its format version")
     if facts["format"] > FORMAT:
         raise SolutionError(
             f"the file has format {facts['format']}, written by stc {facts.get('stc_version', '?')}; "

@@ -173,7 +173,7 @@ def _told(report: EquationReport) -> str:
 
     failed = [metric for metric in report.metrics if metric.verdict == "fail"]
     first = report.findings or [f"{m.subject}: {m.name} {quantity(m, m.value)}" for m in failed[:1]]
-    lines = [*(first[:1] or [f"{report.spec}: nothing was compared with {report.model}"]), ""]
+    lines = [*(first[:1] or [f"{report.spec}: no measurement was compared with {report.model}"]), ""]
     lines += [f"  {finding}" for finding in report.findings[1:]]
     lines += [
         f"  {m.subject}: {m.name} {quantity(m, m.value)}, limit {quantity(m, m.limit)}: {m.verdict}"
@@ -187,7 +187,7 @@ def _relimit(certificate: Certificate, limits: Limits) -> None:
     unused = set(limits)
     for name, limit in limits.items():
         if limit is not None and limit != limit:
-            raise UsageError(f"the limit of `{name}` is not a number", "None is for none")
+            raise UsageError(f"the limit of `{name}` is not a number", "use None for no limit")
 
     def changed(metric: Metric) -> Metric:
         for beginning, limit in limits.items():

@@ -164,8 +164,8 @@ def friction_note(setup: Setup) -> str:
     model = setup.compiled
     if missing_contacts(setup):
         return (
-            "no geom of the model can touch another, so that nothing gives the forces of the `contact` lines; "
-            "forces that need no contact are stated with `apply` lines"
+            "no geom of the model can touch another, so that nothing supplies the forces of the `contact` lines; "
+            "state forces that need no contact with `apply` lines"
         )
     parts = []
     for geom in range(model.ngeom):

@@ -92,15 +92,15 @@ def drift_metrics(stands: Sequence[Stand]) -> list[Metric]:
 
 
 def drift_notes(stands: Sequence[Stand]) -> list[str]:
-    """What is to be said of contacts that move too far."""
+    """A note on the contact that moves farthest, if it moves too far."""
     far = [stand for stand in stands if not stand.drift <= limits.STANDS]
     if not far:
         return []
     worst = max(far, key=lambda stand: stand.drift)
     return [
         f"{worst.name} stands on frames {worst.first} to {worst.last} and moves by {worst.drift:.2g} m until "
-        f"frame {worst.frame:g}: the forces of this motion are those of a place that gives way; more frames, or rows "
-        "for its place and velocity, hold it"
+        f"frame {worst.frame:g}: its acceleration is zero at the nodes, but its place drifts between them; use more "
+        "frames, or constrain its place and velocity as well"
     ]
 
 

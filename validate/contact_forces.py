@@ -288,4 +288,4 @@ def _sliding_metrics(one: ContactForces) -> list[Metric]:
     if one.sliding is None or not one.sliding.slides.any():
         return []
     way, limit = one.sliding.way_without, limits.SLID_WITHOUT_FRICTION
-    return [Metric("friction missing, way slid without it", f"body {one.body}", way, "m", limit)]
+    return [Metric("friction missing, distance slid without it", f"body {one.body}", way, "m", limit)]

@@ -99,7 +99,7 @@ def explanation(setup: Setup) -> str:
         if left <= _EXPLAINED * size:
             single.append((left, title))
     best = [told for _, told in sorted(single or several)[:_NAMED]]
-    return f"it would be nothing if in the model {', or '.join(best)}" if best else ""
+    return f"it would vanish if in the model {', or '.join(best)}" if best else ""
 
 
 class _Residuals:

@@ -168,7 +168,7 @@ def _set_stiffness(model: mujoco.MjModel, written: str, time: float) -> None:
 def _set_field(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> None:
     written = "set " + ".".join(path)
     if path[0] not in _FIELDS:
-        raise ModelError(f"{written}: {path[0]} is nothing to set{nearest(path[0], ['option', *_FIELDS])}")
+        raise ModelError(f"{written}: {path[0]} cannot be set{nearest(path[0], ['option', *_FIELDS])}")
     if len(path) < 3:
         raise ModelError(f"{written}: write {path[0]}.NAME.FIELD, as in body.lamp.mass")
     index = find_object(model, path[0], path[1], written)

@@ -96,7 +96,7 @@ def find_output(model: mujoco.MjModel, path: tuple[str, ...]) -> tuple[str, Read
     kind, *rest = path
     if kind not in ("joint", "sensor", "com", "body", "geom", "site"):
         known = ["joint", "body", "geom", "site", "com", "sensor"]
-        raise ModelError(f"{written}: {kind} is nothing to compare{nearest(kind, known)}")
+        raise ModelError(f"{written}: {kind} cannot be compared{nearest(kind, known)}")
     if not rest:
         raise ModelError(f"{written}: the name of the {kind} is missing")
     if kind == "com" and len(rest) == 1 and rest[0] in (*_AXES, *_VELOCITIES):
@@ -121,7 +121,7 @@ def _joint(model: mujoco.MjModel, written: str, index: int, rest: list[str]) -> 
         return unit, (lambda _, data: float(data.qpos[position]))
     if rest == ["velocity"]:
         return f"{unit}/s", (lambda _, data: float(data.qvel[velocity]))
-    raise ModelError(f"{written}: a joint has its position and .velocity, no .{'.'.join(rest)}")
+    raise ModelError(f"{written}: a joint has its position and .velocity, but no .{'.'.join(rest)}")
 
 
 def _part(model: mujoco.MjModel, written: str, joint: int, rest: list[str]) -> tuple[str, Read]:

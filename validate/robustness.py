@@ -103,12 +103,12 @@ class Robustness:
 
     @property
     def message(self) -> str:
-        """Why the motion cannot be judged so; "" where it can."""
+        """Why perturbed replays cannot judge the motion; "" if they can."""
         if not any(envelope.lost.any() for envelope in self.envelopes if envelope.kind == "none"):
             return ""
         return (
-            "the motion is lost without any perturbation: motors hold their own joints, and joints without one are "
-            "held by nothing"
+            "the motion is lost without any perturbation: each motor controls its own joint, and nothing controls "
+            "joints without a motor"
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -115,7 +115,7 @@ class Setup:
         loose = [name for joint, name in enumerate(joint_names(self.compiled)) if joint not in tied]
         if loose:
             notes.append(
-                f"joints not tied to the spec start at rest where the model has them: {', '.join(loose)}"
+                f"joints without a `joint` line start at rest in the model's initial position: {', '.join(loose)}"
             )
         driven, takes = set(self.controls.actuators), self.compiled.actuator_ctrlnum
         names = enumerate(actuator_names(self.compiled))
@@ -148,7 +148,7 @@ def prepare(
     fields = apply_fields(compiled, solution)
     ties = tied_joints(compiled, solution)
     if not ties:
-        raise ModelError(f"the replay section of {solution.name} ties no joint: there is nothing to compare")
+        raise ModelError(f"the replay section of {solution.name} ties no joint: there cannot be compared")
     setup = Setup(
         solution,
         path,
@@ -164,7 +164,7 @@ def prepare(
     )
     if carried:
         setup.remarks.append(
-            f"there is no model {solution.model} here: the one that the solution carries is replayed"
+            f"there is no model {solution.model} here: the one stored in the solution is replayed"
         )
     elif model is None:
         setup.faults = model_faults(solution, path)

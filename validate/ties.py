@@ -131,7 +131,7 @@ class Coordinate(Tie):
             ModelError: the solution lacks its velocity.
         """
         if line.rate is None:
-            raise ModelError(f"joint {line.name}: the solution does not know how fast it moves at the start")
+            raise ModelError(f"joint {line.name}: the solution has no velocity for it at the start")
         self.name, self.unit, self.joint, self.line, self.axis = name, unit, joint, line, axis
         self.position, self.velocity = address
         self.positions, self.velocities, self.dofs = (self.position,), (self.velocity,), (name,)

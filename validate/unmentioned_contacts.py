@@ -151,8 +151,7 @@ def _told(setup: Setup, touches: dict[tuple[int, int], list[float]], what: str) 
             found.append(
                 Touch(
                     f"{names} {what} at t = {times[0]:.4g} s, which no `contact` line mentions",
-                    "keep them apart, or state the force between them and hand it over with `contact` lines under "
-                    "replay:",
+                    "keep them apart, or state the force between them and give it in `contact` lines under replay:",
                 )
             )
             continue

@@ -209,20 +209,20 @@ def untied_motion(setup: Setup, path: FloatArray) -> tuple[UntiedMotion | None, 
     found = UntiedMotion(setup, path)
     if found.coupled:
         return None, (
-            f"constraints of the model (equalities, contacts, tendons) join {', '.join(found.coupled)}, which the "
-            "spec does not tie, to joints that it ties"
+            f"constraints of the model (equalities, contacts, tendons) join {', '.join(found.coupled)}, which have no "
+            "`joint` line in the spec, with joints that have one"
         )
     if not all(np.isfinite(np.concatenate(end)).all() for end in found.ends):
-        return None, "the joints that the spec does not tie leave all bounds"
+        return None, "the joints without a `joint` line leave all bounds"
     return found, ""
 
 
 def unknown_forces(setup: Setup) -> str:
     """Why the generalised forces of a solved motion cannot be said, in words; "" where they can."""
     if setup.compiled.na and not (setup.all_tied and setup.knows_activations):
-        return "actuators of the model have a state of their own, and the spec does not tell all states and joints"
+        return "actuators of the model have a state of their own, and the spec does not give all states and joints"
     if not setup.reference.has_acceleration:
-        return "the solution does not know the accelerations of all joints"
+        return "the solution does not contain the accelerations of all joints"
     return ""
 
 

@@ -170,13 +170,13 @@ def open_setup(
         )
     if solution.is_sketch:
         raise UsageError(
-            f"the motion of {solution.name} is one in time steps, of first order, and is not replayed",
+            f"the motion of {solution.name} was found by time stepping, which is of first order, and is not replayed",
             "`stc schedule` writes its contacts as ranges of frames, to be solved and validated",
         )
     setup = prepare(solution, model, beside)
     if beside and model is None and not solution.files:
         setup.remarks.append(
-            "the file does not say which model it was made for: the one that is here is replayed"
+            "the file does not say for which model it was solved; the model found here is replayed"
         )
     return setup
 
@@ -269,8 +269,8 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claim
     if setup.compiled.na and tracked:
         tracked = [metric.without_limit() for metric in tracked]
         replays.notes.append(
-            "feedback reckons with actuators that answer at once: as those of the model lag behind their controls, the "
-            "tracked replay is for information, and the open-loop drift judges"
+            "the feedback assumes actuators without delay; since those of the model lag behind their controls, the "
+            "tracked replay is for information, and the open-loop drift is judged"
         )
     metrics += tracked
     if replays.external is not None:
@@ -282,7 +282,7 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claim
         if failed and apart >= limits.UNSTABLE_GROWTH and replays.tracked is not None:
             drifts = [metric.without_limit() for metric in drifts]
             replays.notes.append(
-                f"with the contact forces handed over, errors grow up to {apart:.3g} times within a phase: the "
+                f"with the solved contact forces applied, errors grow up to {apart:.3g} times within a phase: the "
                 "external drift is for information"
             )
         metrics += drifts
@@ -347,7 +347,7 @@ def _unjudged(setup: Setup, metrics: Sequence[Metric]) -> list[str]:
 def _why_not(setup: Setup) -> str:
     """Why something is not judged, in words."""
     return (
-        unknown_forces(setup) or setup.unknown or "there are joints in the model which the spec does not tie"
+        unknown_forces(setup) or setup.unknown or "some joints of the model have no `joint` line in the spec"
     )
 
 

@@ -117,7 +117,7 @@ def changed(mechanism: Mechanism, values: Mapping[Path, float]) -> Mechanism:
     known = settable(mechanism)
     for path in values:
         if path not in known:
-            raise ValueError(f"{'.'.join(path)} is nothing that can be set")
+            raise ValueError(f"{'.'.join(path)} cannot be set")
     for path, value in values.items():
         mechanism = _set(mechanism, path, float(value))
     return mechanism

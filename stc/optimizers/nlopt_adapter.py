@@ -205,7 +205,7 @@ class _Solve:
         outcome = opt.last_optimize_result()
         if outcome == -2 or outcome == -3:
             reason = opt.get_errmsg() or ("out of memory" if outcome == -3 else "it does not say why")
-            raise UsageError(f"{choice.name} does not take this problem: {reason}")
+            raise UsageError(f"{choice.name} cannot solve this problem: {reason}")
         self.word = _WORDS.get(outcome, "stopped")
         self.ended = self.ended or _LIMITS.get(outcome)
         if watch.error is not None:

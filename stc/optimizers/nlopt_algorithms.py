@@ -141,7 +141,7 @@ def choose(name: str) -> Choice:
     algorithm = _named(main, name)
     if not algorithm.local:
         if local:
-            raise UsageError(f"{name}: `{main}` hands nothing to another algorithm")
+            raise UsageError(f"{name}: `{main}` does not use another algorithm")
         return Choice(name, algorithm)
     second = local or algorithm.local
     found = _named(second, name)

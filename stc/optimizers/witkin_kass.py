@@ -381,13 +381,13 @@ class _Solve:
             return self._result(point.x, Status.UNBOUNDED)
         found = judged.conditions
         message = (
-            f"The steps came to rest with a violation of {found.violation:.1e} and an optimality error of "
+            f"The iteration stopped with a violation of {found.violation:.1e} and an optimality error of "
             f"{found.optimality:.1e}."
         )
         if self.printed:
             message += (
-                " As printed, the method rests at a solution only where the objective is a plain sum of squares; "
-                "witkin-kass without `:printed` goes on."
+                " As printed, the method stops at a solution only if the objective is a plain sum of squares; "
+                "witkin-kass without `:printed` continues."
             )
         return point_result(nlp, judged, Status.FAILED, self.monitor, message)
 

@@ -150,8 +150,8 @@ class _Search:
             if conflict is not None:
                 return Blame(
                     "",
-                    "All statements can hold together: a point that meets them was found with the objective left "
-                    "aside. Try another guess.",
+                    "All statements can hold together: a point that satisfies them was found without the "
+                    "objective. Try another guess.",
                     solves=conflict.solves,
                 )
         return self._standouts()
@@ -189,8 +189,8 @@ class _Search:
             summary = f"{several}; without any one of them the others can:"
         else:
             summary = (
-                f"{several}; time was too short to tell which of them are needed for that. Those that pull hardest "
-                "come first:"
+                f"{several}; there was no time to find which of them are needed for that. The most "
+                "influential come first:"
             )
         return Blame("", summary, culprits, conflict.minimal, conflict.solves)
 
@@ -211,20 +211,20 @@ class _Search:
         culprits, parts = [], []
         undefined = undefined_nearby(self.bound, self.x)
         if len(undefined):
-            parts.append("close to the last point these statements have no value or no slope")
+            parts.append("close to the last point these statements are undefined or not differentiable")
             culprits += [
                 self._row_culprit("undefined", int(row), None, "") for row in self._first_of_each(undefined)
             ]
         large = largest_residuals(self.bound, self.x)
         if large:
-            parts.append("these are missed most")
+            parts.append("the largest violations are")
             residuals = dict(large)
             for row in self._first_of_each(np.array([row for row, _ in large])):
                 off = residuals[int(row)]
                 culprits.append(self._row_culprit("residual", int(row), off, f"misses by {abs(off):.4g}"))
         dependent = dependent_rows(self.bound, self.x)
         if len(dependent):
-            parts.append("these depend on each other there, so that they cannot be told apart")
+            parts.append("these statements are linearly dependent there")
             culprits += [
                 self._row_culprit("dependent", int(row), None, "") for row in self._first_of_each(dependent)
             ]
@@ -248,7 +248,7 @@ class _Search:
         place = self.ownership.place(row) if self.problem.n else None
         if owner == LINK:
             name = self.ownership.label(row).removeprefix("link of ")
-            rule = f"the method's rule that leads from {name} by {name}' to the next frame"
+            rule = f"the method's equation for {name}' between neighbouring frames"
             return self._written(kind, rule, "", 0, 0, place, residual, note)
         return self._culprit(kind, owner, place, residual, note)
 
@@ -283,7 +283,7 @@ class _Search:
         head = f"{file}:{line}:{column}: `{short}`" if file else f"({short})"
         head += f" (from `{_shortened(cause)}`)" if cause else ""
         if kind in ("undefined", "dependent"):
-            note = {"undefined": "undefined or without slope", "dependent": "dependent"}[kind]
+            note = {"undefined": "undefined or not differentiable", "dependent": "dependent"}[kind]
         tail = " ".join(part for part in (note, f"at {place}" if place is not None else "") if part)
         frame, side = (None, "") if place is None else (place.frame, place.side)
         text = f"{head} {tail}".rstrip()

@@ -92,7 +92,7 @@ class Complementarity:
         pairs = "1 complementary pair" if self.pairs == 1 else f"{self.pairs} complementary pairs"
         text = f"{pairs} within {self.residual:.1g}: {kind}, {also}"
         return text + (
-            "; both sides are nothing in " + ", ".join(map(str, self.degenerate)) if self.degenerate else ""
+            "; both sides are zero in " + ", ".join(map(str, self.degenerate)) if self.degenerate else ""
         )
 
 

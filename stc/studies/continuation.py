@@ -128,13 +128,13 @@ def continue_to(
         SpecError: the first or the last value is one that the spec cannot take.
     """
     if not isinstance(name, str):
-        raise UsageError(f"a continuation walks a constant, given by its name, not {name!r}")
+        raise UsageError(f"a continuation changes a constant, given by its name, not {name!r}")
     first, last = number(first, f"the first value of {name}"), number(last, f"the last value of {name}")
     steps = whole_number(steps, "the number of steps")
     if steps < 1:
         raise UsageError(f"a continuation takes at least one step, not {steps}")
     if any(value in (inf, -inf) for value in (first, last)):
-        raise UsageError(f"a continuation walks from one number to another, not from {first:g} to {last:g}")
+        raise UsageError(f"a continuation goes from one number to another, not from {first:g} to {last:g}")
     if first == last:
         raise UsageError(f"a continuation from {name} = {first:g} to the same value goes nowhere")
     solve = solve or model.solve
@@ -186,7 +186,7 @@ def continue_to(
         return None
 
     if attempt(0.0) is None:
-        walk.message = f"the solve with {name} = {first:g} ended {walk.status}; the walk cannot begin"
+        walk.message = f"the solve with {name} = {first:g} ended {walk.status}; the continuation cannot begin"
         return walk
     share, whole, successes = 0.0, 1.0 / steps, 0
     step = whole

@@ -98,7 +98,7 @@ class GridError:
 
     @property
     def warning(self) -> str:
-        """What to tell where the error is gross."""
+        """The note for a gross error."""
         what = []
         if not self.objective <= GROSS:
             what.append(f"the objective by about {_share(self.objective)}")
@@ -106,8 +106,7 @@ class GridError:
             what.append(f"{self.variable} by {_of_range(self.motion)}")
         return (
             f"the grid is coarse for this motion: more frames are likely to change {' and '.join(what)}. The status "
-            "tells of the program on this grid alone; `--refine 1e-3` adds frames until they change little, or give n "
-            "a larger value"
+            "refers to this grid alone; `--refine 1e-3` adds frames until they change little, or set a larger n"
         )
 
 
@@ -191,7 +190,7 @@ def _known(error: float) -> float:
 
 
 def _of_range(error: float) -> str:
-    return f"about {_share(error)} of its range" if error < WHOLE else "about all of its range"
+    return f"about {_share(error)} of its range" if error < WHOLE else "about its whole range"
 
 
 def _share(error: float) -> str:

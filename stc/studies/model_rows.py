@@ -94,7 +94,8 @@ def _places(
         if not isinstance(key, VariableRef):
             raise UsageError(
                 f"`{line.kind} {'.'.join(line.path)}` is not a variable",
-                "equations of a model are compared where its joints and actuators are tied as the model ties them",
+                "equations of a model can only be compared if `replay:` does not change the lines of its joints and "
+                "actuators",
             )
         if line.kind == "actuator":
             control, state = model.actuator(".".join(line.path))
@@ -120,7 +121,10 @@ def _rows(phase: Phase, model: StateEquations) -> list[Expr]:
                 found[dof] = equation.body
     missing = [name for dof, name in enumerate(model.dofs) if dof not in found]
     if missing:
-        raise UsageError(f"the spec has no equation of motion of {', '.join(missing)}", "is this its model?")
+        raise UsageError(
+            f"the spec has no equation of motion of {', '.join(missing)}",
+            "does the spec belong to this model?",
+        )
     return [found[dof] for dof in range(len(model.dofs))]
 
 

@@ -124,7 +124,7 @@ class Refinement:
             )
         if best.grid_error <= GROSS:
             told += [
-                f"what was found with n = {one.n}, of objective {one.objective:.6g}, was that grid's and no motion"
+                f"what was found with n = {one.n}, of objective {one.objective:.6g}, was an artefact of that grid"
                 for one in self.levels
                 if one.grid_error > NO_GUESS
             ]

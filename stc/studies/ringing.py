@@ -73,10 +73,12 @@ class Ringing:
             f"{' and '.join(where)}: ringing"
         )
         if self.alone:
-            return f"{rings}, since there is no objective, and nothing else decides it. A rate term does: `{self.term}`"
+            return (
+                f"{rings}, since no objective determines it. Add the rate term `{self.term}` as an objective"
+            )
         return (
-            f"{rings}, as on a singular arc, where the objective leaves it free. A rate term in the objective stops it "
-            f"at a cost of about {COST:g} of that: `{self.term}`. `--method central` often does as well"
+            f"{rings}, as on a singular arc, where the objective does not determine it. A rate term in the objective "
+            f"stops it and costs about {COST:g} of the objective: `{self.term}`. `--method central` often helps as well"
         )
 
 

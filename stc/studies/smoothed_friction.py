@@ -79,8 +79,8 @@ class Smoothed:
     def __str__(self) -> str:
         model = f"{self.given:.4g} at any speed" if self.given else "none"
         text = (
-            f"joint {self.joint}: dry friction is smoothed in the spec: {self.friction:.4g} from "
-            f"{self.speed:.2g} {self.unit}/s on and less below, model {model}"
+            f"joint {self.joint}: dry friction is smoothed in the spec: {self.friction:.4g} above "
+            f"{self.speed:.2g} {self.unit}/s and less below, model {model}"
         )
         if self._damping_agrees:
             text += f"; the damping is right, {self.damping:.4g}"
@@ -92,22 +92,22 @@ class Smoothed:
 
     @property
     def step(self) -> str:
-        """What to do about it."""
+        """Advice on how to correct the spec."""
         if not self.given:
             return (
-                f"take the smoothed dry friction of joint {self.joint} out of the spec, or give the model that "
-                "friction (frictionloss) and state it by the way the joint slides"
+                f"remove the smoothed dry friction of joint {self.joint} from the spec, or give the model that "
+                "friction (frictionloss) and state it by the direction in which the joint slides"
             )
         if self.slid:
             way = "forwards" if self.slid > 0 else "backwards"
             return (
-                f"joint {self.joint} slides {way} all along: write the dry friction of that, {self.given:.4g} against "
-                "its way, in place of the smoothed term, which is too small at low speeds"
+                f"joint {self.joint} slides {way} throughout: write a constant dry friction, {self.given:.4g} against "
+                "its velocity, in place of the smoothed term, which is too small at low speeds"
             )
         return (
-            f"write the dry friction of joint {self.joint}, {self.given:.4g} against the way it slides, under range "
-            "headers that part the motion where it turns, in place of the smoothed term, which is too small at low "
-            "speeds"
+            f"write a constant dry friction of joint {self.joint}, {self.given:.4g} against its velocity, under range "
+            "headers that divide the motion where the joint reverses, in place of the smoothed term, which is too "
+            "small at low speeds"
         )
 
 

@@ -93,7 +93,7 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
     problem, transcription = model.transcription(solution.method, **solution.overrides)
     terms = [(term, squares_in(term.body)) for term in problem.objective]
     if not problem.parameters or not terms:
-        raise UsageError("what has standard errors are parameters, and the spec estimates none")
+        raise UsageError("standard errors belong to parameters, and the spec estimates none")
     other = next((term for term, found in terms if not term.rows or not found), None)
     if other is not None:
         raise UsageError(
@@ -111,7 +111,7 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
     if freedom <= 0:
         unknown = count - freedom
         raise UsageError(
-            f"no standard errors: {count} residuals for {unknown} unknowns that nothing else determines"
+            f"no standard errors: {count} residuals for {unknown} unknowns that only the data determine"
         )
     jacobian = bound.derivatives(solution.x, solution.row_multipliers, 1.0)[1]
     places = np.array([transcription.layout.parameters[name] for name in problem.parameters])

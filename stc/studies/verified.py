@@ -272,7 +272,7 @@ def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> 
     setup = judged.replays.setup
     beyond = beyond_limits(setup)
     if beyond and judged.drift > found.tolerance:
-        return f"{beyond[0]}, which no frames mend"
+        return f"{beyond[0]}, which more frames cannot correct"
     inverse = inverse_dynamics(setup)
     shares = None if inverse is None else inverse.share(inverse.at_nodes)
     if inverse is not None and shares is not None and np.all(shares <= inverse.limits(solution.method)):
@@ -284,13 +284,16 @@ def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> 
     except StcError:  # the spec's rows are no equations of motion at random states: the drift has to tell
         found.equations = None
     if found.equations is not None and found.equations.findings:
-        return f"the equations of motion are not the model's, which no frames mend: {found.equations.findings[0]}"
+        return (
+            "the equations of motion differ from the model's, which more frames cannot correct: "
+            f"{found.equations.findings[0]}"
+        )
     if shares is not None and float(shares.max()) > SURELY_WRONG:
         worst = setup.reference.dofs[int(shares.argmax())]
         return (
             f"the solved forces do not give the solved accelerations in the model: at joint {worst} "
-            f"{float(shares.max()):.2g} of the largest force is missing, which no frames mend; compare the lines "
-            "of the replay section with the model"
+            f"{float(shares.max()):.2g} of the largest force is missing, which more frames cannot correct; compare the "
+            "lines of the replay section with the model"
         )
     return ""
 
@@ -303,9 +306,9 @@ def _in_the_way(found: Verification, judged: _Judged, clock: Clock) -> str:
             drift, subject, steered = judged.ground
             how = ", with feedback," if steered else ""
             return (
-                f"MuJoCo's own contacts{how} leave {subject} {drift:.2g} away; with the solved contact "
-                f"forces in their place it is {judged.drift:.2g}, so that what is left is the model's contact (its "
-                "softness, friction and time step) and no number of frames mends it"
+                f"with MuJoCo's own contacts{how} {subject} is {drift:.2g} away; with the solved contact "
+                f"forces in their place it is {judged.drift:.2g}. The rest is due to the model's contact (its "
+                "softness, friction and time step), which more frames cannot correct"
             )
         return ""
     if clock.is_over:
@@ -321,8 +324,8 @@ def _in_the_way(found: Verification, judged: _Judged, clock: Clock) -> str:
     growth = judged.replays.growth
     grows = "" if growth is None else f"; small errors grow up to {growth:.3g} times along the motion"
     return (
-        f"more frames no longer bring MuJoCo nearer: {_state(now)}, after {before.drift:.2g} with n = {before.n}; "
-        f"all steps alone come to {now.step_error:.2g}{grows}"
+        f"more frames no longer reduce the drift: {_state(now)}, after {before.drift:.2g} with n = {before.n}; "
+        f"the errors of all single steps add up to {now.step_error:.2g}{grows}"
     )
 
 

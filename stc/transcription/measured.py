@@ -65,7 +65,7 @@ class Measured:
             complete &= np.isfinite(self.data.columns[column])
         self.rows = np.flatnonzero(complete)
         if not self.rows.size:
-            self._fail("no row has all numbers that this wants", "empty cells are left out, row by row")
+            self._fail("no row has all numbers that this needs", "empty cells are left out, row by row")
         zeros = np.zeros(count)
         self.where, self.length = (
             Places(np.zeros(count, np.intp), zeros, np.zeros(count, np.intp), zeros),
@@ -89,7 +89,8 @@ class Measured:
         if steps.free:
             free = " and ".join(f"`{key.name}`" for key in steps.parameters)
             self._fail(
-                f"the time from one frame to the next depends on {free}, so that no row has a place among the frames",
+                f"the time from one frame to the next depends on {free}, so that the position of a row among the "
+                "frames is not known",
                 "the times of measurements are known: make the step a constant, as in `T = 2, h = T/n`",
             )
         constants = problem.constants

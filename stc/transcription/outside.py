@@ -15,7 +15,7 @@ __all__ = ["used_outside"]
 _ROUNDING = 1e-9
 
 _MEANT = {
-    "extend": "there it goes straight on with its last slope",
+    "extend": "there it continues linearly with its last slope",
     "hold": "there it keeps its last value",
     "error": "there it has no value",
 }

@@ -187,7 +187,7 @@ class Sorter:
                     "error",
                     "this statement holds on no frame: its derivatives or indices reach outside the motion",
                     relation.span,
-                    "give it a range farther from the ends, or raise n",
+                    "use a range farther from the ends, or a larger n",
                 )
             )
         for body, nodes in parts:
@@ -386,7 +386,7 @@ class Sorter:
                 "error",
                 "this objective term counts on no frame: its derivatives reach outside the motion",
                 term.span,
-                "give it a range farther from the ends, or raise n",
+                "use a range farther from the ends, or a larger n",
             )
         )
 

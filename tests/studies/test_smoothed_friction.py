@@ -58,7 +58,7 @@ def test_smoothed_friction_is_called_that_and_the_damping_right(judged, name, go
     # Advice as a person would take it: the number that it tells, against the way that it tells.
     (step,) = certificate.next_steps
     told = re.search(
-        r"slides (forwards|backwards) all along: write the dry friction of that, ([\d.]+) against", step
+        r"slides (forwards|backwards) throughout: write a constant dry friction, ([\d.]+) against", step
     )
     sign = "" if told[1] == "forwards" else "-"
     assert judged(f"({sign}{told[2]})", goal=goal).passed
@@ -73,7 +73,7 @@ def test_a_speed_is_told_from_which_on_the_friction_is_whole(judged):
 def test_friction_of_another_size_is_told_with_both(judged):
     certificate = judged("0.3*tanh(50*q')")
     assert "smoothed in the spec: 0.3 from" in certificate.headline and "model 0.2" in certificate.headline
-    assert "0.2 against its way" in certificate.next_steps[0]
+    assert "0.2 against its velocity" in certificate.next_steps[0]
 
 
 def test_damping_that_is_wrong_too_is_told_of(judged):

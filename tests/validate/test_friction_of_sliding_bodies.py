@@ -176,5 +176,5 @@ def test_lines_that_nothing_gives_are_named(tmp_path: Path) -> None:
         tmp_path, spec.replace("joint z = z", "joint z = 1 + z"), 8, 0.4, "trapezoidal"
     ).next_steps
     assert step.startswith(
-        "contact joint.z acts where nothing touches, so that nothing in the model gives it"
+        "contact joint.z acts where nothing touches, so that nothing in the model supplies its force"
     )

@@ -21,16 +21,17 @@ _ACTS = 1e-3
 
 
 def causes(replays: Replays) -> list[str]:
-    """Steps for contact lines that nothing in the model gives."""
+    """Advice for contact lines whose force nothing in the model supplies."""
     return [
-        f"contact {line} acts where nothing touches, so that nothing in the model gives it: hand over with an `apply` "
-        "line what needs no contact, or give the model what touches there, or the joint the limit that it stops at"
+        f"contact {line} acts where nothing touches, so that nothing in the model supplies its force: use an `apply` "
+        "line for a force that needs no contact, or add a geom that touches there, or the joint limit that gives the "
+        "force"
         for line in given_by_nothing(replays)
     ]
 
 
 def friction_steps(replays: Replays) -> list[str]:
-    """Steps for bodies that slide with another friction than the model's, with both."""
+    """Advice for bodies that slide with another friction than the model's, with both values."""
     return [step for one in replays.ground if (step := _friction(one))]
 
 
@@ -83,8 +84,9 @@ def _friction(one: ContactForces) -> str:
 def contact_steps(replays: Replays) -> list[str]:
     """What to change in the contacts of the model where these give other forces than the solved ones."""
     return [
-        f"body {one.body} slides off the axes of the model's friction cone, which is a pyramid that brakes along one "
-        'of them: give the model <option cone="elliptic"/>, whose friction is against the way'
+        f"body {one.body} slides diagonally to the axes of the model's friction cone, a pyramid, which brakes along "
+        "one "
+        'of its axes: give the model <option cone="elliptic"/>, whose friction opposes the velocity'
         for one in replays.ground
         if one.sliding is not None and one.sliding.off_axes
     ]

@@ -63,7 +63,7 @@ def _nearest(title: str, judged: Sequence[Metric]) -> str:
     if len(judged) == 1:
         count = "beyond its limit" if failed else "within its limit"
     figures = f"{table.quantity(worst, worst.value)}, limit {table.bound(worst)}"
-    return f"{title}: {count}; {'worst' if failed else 'nearest'} is {worst.name}, {worst.subject}: {figures}"
+    return f"{title}: {count}; {'worst' if failed else 'closest'}: {worst.name}, {worst.subject}: {figures}"
 
 
 def show(certificate: Certificate) -> Iterator[Any]:

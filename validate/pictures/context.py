@@ -67,7 +67,9 @@ def make_context(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, m
                 raise PictureError(
                     f"OpenGL ({backend}) cannot render this model at {width}x{height}: {why}"
                 ) from error
-        _in_vain[backends] = f"no OpenGL to render with ({'; '.join(problems)})\n  {_HINT}"
+        _in_vain[backends] = (
+            f"rendering needs OpenGL, which is not available ({'; '.join(problems)})\n  {_HINT}"
+        )
     raise PictureError(_in_vain[backends])
 
 

@@ -42,7 +42,7 @@ def test_without_the_model_the_motion_is_the_same(saved: Path) -> None:
     report = validate(found)
     assert report.findings == judged.findings == []
     assert [(m.name, m.verdict) for m in report.metrics] == [(m.name, m.verdict) for m in judged.metrics]
-    assert any("the one that the solution carries is replayed" in note for note in report.notes)
+    assert any("the one stored in the solution is replayed" in note for note in report.notes)
 
 
 def test_a_motion_goes_on_from_a_carried_model(saved: Path, tmp_path: Path) -> None:
