@@ -129,7 +129,7 @@ def test_no_floor_pulls_at_any_node(tmp_path: Path, spec: str, method: str, shar
     assert row(certificate, "contact force that no contact gives").value == pytest.approx(
         share, rel=1e-6
     ) or (method == "trapezoidal")
-    assert certificate.next_steps[0].startswith("state that the contact force presses")
+    assert certificate.next_steps[0].startswith("state that the contact force pushes")
 
 
 WHEEL = """<mujoco><option gravity="0 0 -9.81" cone="elliptic"/><worldbody>
