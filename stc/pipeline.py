@@ -1,10 +1,10 @@
-"""The walk from text to a saved solution: one public function per arrow.
+"""From the text of a spec to a saved solution: one public function per step.
 
     read_source -> parse -> elaborate -> transcribe -> solve -> Solution.save
 
-:class:`Model` strings them together and remembers what need not be done again: a changed constant that shapes
-nothing re-solves without parsing, differentiating or compiling.  :mod:`stc.origin` leads back from a solution to what
-it solves, :func:`stc.certification.certify` on to the verdict.
+:class:`Model` combines the steps and keeps their results: a spec with other values of constants is usually solved again
+without parsing, differentiating or compiling.  :mod:`stc.origin` finds the model of a solution, and
+:func:`stc.certification.certify` validates one.
 """
 
 from __future__ import annotations
@@ -96,13 +96,12 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
 
 
 class Model:
-    """A spec, ready to be solved with other numbers, methods and frame counts.
+    """A spec that can be solved with different constants, methods and frame counts.
 
     Attributes:
         source: the text and where it came from.
         name: the spec's name.
-        warnings: what is allowed but odd in the last problem that was asked for, not in the same one on fewer frames;
-            empty before the first one.
+        warnings: the warnings about the last problem that was requested; empty before the first one.
     """
 
     def __init__(self, source: Source, overrides: Mapping[str, float] | None = None) -> None:
@@ -117,7 +116,7 @@ class Model:
         self._fewer: dict[tuple[Any, ...], FewerFrames | None] = {}  # of the last constants
 
     def __reduce__(self) -> tuple[type[Model], tuple[Source, dict[str, float]]]:
-        """A copy, here or in another process, reads the text anew: compiled code stays where it is."""
+        """Copies, here or in another process, are made from the text; compiled code is not copied."""
         return Model, (self.source, self.overrides)
 
     def _parsed(self) -> SpecTree:
@@ -135,11 +134,11 @@ class Model:
 
     @property
     def text(self) -> str:
-        """The spec's whole text."""
+        """The whole text of the spec."""
         return self.source.text
 
     def problem(self, method: str | None = None, **constants: float) -> Problem:
-        """The continuous-time statement with its numbers.
+        """The problem in continuous time, with the values of its constants.
 
         Raises:
             SpecError: mistakes in the spec, all of them.
@@ -149,7 +148,7 @@ class Model:
         return self._transcriptions.problem(method, {**self.overrides, **numbers(constants)})
 
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
-        """The problem and its transcription, an earlier one where only numbers have changed."""
+        """The problem and its transcription; an earlier transcription is reused if only numbers have changed."""
         _check_method(method)
         problem, transcription = self._transcriptions.of(method, {**self.overrides, **numbers(constants)})
         self.warnings = tuple(problem.warnings)
@@ -163,13 +162,13 @@ class Model:
         time_limit: float | None = None,
         **overrides: float,
     ) -> ColdSolve:
-        """Derives, compiles and binds what a solve with these constants needs.
+        """Derive, compile and bind everything that a solve with these constants needs.
 
         Args:
             all: as for :meth:`solve`, which raises the same.
 
         Returns:
-            What is left to do: its ``run`` solves, as often as it is called, and returns the solver's result alone.
+            The prepared solve: each call of its ``run`` solves and returns the solver's result.
         """
         given = {**self.overrides, **overrides}
         problem, transcription = self.compiled(method, given, at_once=True)
@@ -186,7 +185,7 @@ class Model:
     def compiled(
         self, method: str | None, given: Mapping[str, float], at_once: bool = False
     ) -> tuple[Problem, Transcription]:
-        """The problem and its transcription, compiled if that is wanted ``at_once``, else as soon as it is worth it."""
+        """The problem and its transcription, compiled now if ``at_once``, otherwise as soon as compiling pays off."""
         problem, transcription = self.transcription(method, **given)
         transcription.provide_kernels(at_once)
         return problem, transcription
@@ -207,34 +206,35 @@ class Model:
         constants: Mapping[str, float] | None = None,
         **overrides: float,
     ) -> Solution:
-        """Solves the spec.
+        """Solve the spec.
 
         Args:
             method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping`` instead of the spec's own.
-            tolerance: of the optimality conditions, between 1e-14 and 1.
+            tolerance: tolerance of the optimality conditions, between 1e-14 and 1.
             max_iterations: limit on iterations.
-            time_limit: limit in seconds of wall time, deriving and compiling included.
+            time_limit: limit in seconds of wall time, including deriving and compiling.
             warm_start: an earlier solution or its file, whose multipliers and active set are used too; resampled
-                where the number of frames differs.
+                if the number of frames differs.
             guess: values to start from by name, or a file of them (see :mod:`stc.guess_file`); what it does not name
-                keeps the spec's own guess. Several numbers are spread evenly over the motion, or stand where ``t``,
-                ``time`` or ``frame`` says.
+                keeps the spec's own guess. Arrays are spread evenly over the motion, or placed by an
+                array ``t``, ``time`` (both in seconds) or ``frame``.
             callback: called with a record after every iteration; returning True stops the solve.
-            optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/optimizers.md.
-            minimizer: called in the optimizer's stead, say to measure it (see :mod:`stc.studies.profile`).
-            fewer_first: a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`), unless it
-                starts from a solution.
+            optimizer: ``sqp`` (the default), ``nlopt:slsqp``, ...: see docs/optimizers.md.
+            minimizer: a function to call in place of the optimizer, for example to measure it (see
+                :mod:`stc.studies.profile`).
+            fewer_first: whether a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`),
+                unless it starts from a solution.
             constants: values of constants by name, for names that clash with the arguments above.
             **overrides: values of constants, such as ``n=120`` or ``g=1.62``.
 
         Returns:
-            The solution, whatever its status; look at ``solution.status``.
+            The solution, whatever its status is: read ``solution.status``.
 
         Raises:
             SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
-            EndedError: the time limit was reached before there was even a start.
-            UsageError: an unknown constant, method, optimizer or file, a tolerance or limit that cannot be meant, an
-                optimizer that cannot do it, or an earlier solution that shares no variable.
+            EndedError: the time limit was reached before there was a starting point.
+            UsageError: an unknown constant, method, optimizer or file, an invalid tolerance or limit, a
+                problem that the optimizer cannot handle, or an earlier solution without a common variable.
         """
         options = given_options(tolerance, max_iterations, time_limit)
         unfinished.current = None
@@ -326,7 +326,7 @@ class Model:
     def on_fewer_frames(
         self, problem: Problem, given: Mapping[str, float], fineness: Fineness
     ) -> FewerFrames | None:
-        """The same motion on fewer frames, if the spec offers it; the last answers are remembered."""
+        """The same motion on fewer frames, if the spec allows it; the last results are kept."""
         numbers = tuple(sorted(problem.constants.items()))
         key = problem.method, fineness, numbers
         if key not in self._fewer:
@@ -403,17 +403,17 @@ class Model:
 
 
 def _check_method(method: object) -> None:
-    """Refuse a transcription that does not exist."""
+    """Refuse an unknown transcription."""
     if method is not None and method not in tuple(METHODS):
         raise UsageError(f"unknown method {method!r}", f"the methods are {', '.join(METHODS)}")
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:
-    """Reads and parses a spec: a path, a bundled name or the text itself.
+    """Read and parse a spec.
 
     Args:
-        spec: what to read.
-        **constants: values of constants that hold for every solve of this model.
+        spec: a path, a bundled name or the text itself.
+        **constants: values of constants for every solve of this model.
 
     Raises:
         SpecError: mistakes in the syntax.

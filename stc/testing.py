@@ -1,4 +1,4 @@
-"""Assertions for the tests of specs: does it solve, does it state the model's physics, does the motion happen?
+"""Assertions for the tests of specs: a spec solves, its equations are the model's, its motion is physical.
 
     from stc.testing import assert_equations, assert_physical, assert_solves
 
@@ -7,8 +7,8 @@
         assert_physical(assert_solves("reach.stc"))
 
 They work under any test runner.  Under pytest the plugin :mod:`stc.pytest_plugin` adds fixtures and an option that
-keeps the certificates.  What fails reads like a certificate: the first line names the joint and the term, the
-measurements follow.
+saves the certificates.  The message of a failure is that of the certificate: its first line names the joint and the
+term, the measurements follow.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _report_folder: Path | None = None
 
 
 def keep_certificates(folder: str | os.PathLike[str] | None) -> None:
-    """From now on :func:`assert_physical` writes the page of every motion it judges into a folder; None stops it."""
+    """Let :func:`assert_physical` write the page of every motion into a folder; None stops this."""
     global _report_folder
     _report_folder = None if folder is None else Path(folder)
 
@@ -49,19 +49,19 @@ def assert_solves(
     method: str | None = None,
     **constants: float,
 ) -> Solution:
-    """Solve a spec, and fail unless it ends as it should.
+    """Solve a spec, and fail unless the solve ends with the given status.
 
     Args:
         spec: a path, a bundled name, the text itself, or a loaded model.
-        status: how it should end.
-        method: transcription instead of the spec's own.
+        status: the required status.
+        method: a transcription in place of the spec's own.
         **constants: values of constants.
 
     Returns:
         The solution.
 
     Raises:
-        AssertionError: another status, or mistakes in the spec; the message carries them.
+        AssertionError: another status, or mistakes in the spec, which the message lists.
     """
     __tracebackhide__ = True
     try:
@@ -87,13 +87,13 @@ def assert_physical(
     *,
     limits: Limits | None = None,
 ) -> Certificate:
-    """Validate a motion in MuJoCo, and fail unless every measurement keeps its limit.
+    """Validate a motion in MuJoCo, and fail unless every measurement is within its limit.
 
     Args:
         motion: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
-        model: another model file than the one that the spec names.
-        limits: other limits, by the beginning of the metrics' names: ``{"open-loop drift": 1e-3}``.  None as a
-            limit reports without judging.
+        model: a model file to use in place of the one that the spec names.
+        limits: replacements of limits, by the beginning of the metrics' names: ``{"open-loop drift": 1e-3}``.  None as
+            a limit reports without judging.
 
     Returns:
         The certificate.
@@ -130,12 +130,12 @@ def assert_equations(
     states: int | None = None,
     **constants: float,
 ) -> EquationReport:
-    """Compare a spec's equations of motion with its model's at random states, and fail where they differ.
+    """Compare a spec's equations of motion with its model's at random states, and fail if they differ.
 
     Args:
         spec: a path, a bundled name, the text itself, or a loaded model.
-        model: another model file than the one that the spec names.
-        method: transcription instead of the spec's own.
+        model: a model file to use in place of the one that the spec names.
+        method: a transcription in place of the spec's own.
         states: number of random states, by default :data:`stc.validate.limits.EQUATION_STATES`.
         **constants: values of constants.
 
@@ -168,7 +168,7 @@ def _model(spec: str | os.PathLike[str] | Model) -> Model:
 
 
 def _told(report: EquationReport) -> str:
-    """The comparison as text, the first finding in the first line."""
+    """The comparison as text, with the first finding in the first line."""
     from stc.validate.certificate.table import quantity
 
     failed = [metric for metric in report.metrics if metric.verdict == "fail"]
@@ -183,7 +183,7 @@ def _told(report: EquationReport) -> str:
 
 
 def _relimit(certificate: Certificate, limits: Limits) -> None:
-    """Put other limits in place of the usual ones."""
+    """Replace limits of a certificate by others."""
     unused = set(limits)
     for name, limit in limits.items():
         if limit is not None and limit != limit:
@@ -208,7 +208,7 @@ def _relimit(certificate: Certificate, limits: Limits) -> None:
 
 
 def _keep(certificate: Certificate) -> None:
-    """Write the page if pages are kept; one file per motion and test, of tests in other processes, too."""
+    """Write the page if pages are kept; one file per motion and test, also for tests in other processes."""
     if _report_folder is None:
         return
     _report_folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""A whole sweep: round by round, each point from its parent, kept as soon as it is done."""
+"""A whole sweep: round by round, each point from its parent, saved as soon as it is done."""
 
 from __future__ import annotations
 
@@ -38,28 +38,28 @@ def sweep(
 ) -> Sweep:
     """Solve a spec for all combinations of values of some constants, and judge each motion.
 
-    Every point starts from the motion of a neighbour that is fixed by the grid (:mod:`stc.sweeps.grid`), or of that
-    one's own neighbour where no optimum was found there; where this leads to no optimum, from the spec's guess.  The
-    findings are the same however many workers there are and however often the sweep is interrupted: the same call with
-    the same folder goes on where the last one ended.
+    Every point starts from the solution of a neighbour that the grid determines (:mod:`stc.sweeps.grid`), or of the
+    neighbour's neighbour if no optimum was found there; if this finds no optimum, from the spec's guess.  The results
+    do not depend on the number of workers or on interruptions: the same call with the same folder continues where the
+    last one stopped.
 
     Args:
         spec: a path, a bundled name, the text, or a loaded model with constants for all points.
-        axes: the values of each constant that is swept.
-        folder: where results are kept; made where it is missing.
-        workers: number of processes; None for one per processor, or what ``joblib.parallel_config`` says.
-        replay: whether motions are judged in MuJoCo, where the spec names a model.
-        method, tolerance, max_iterations: of every solve, as for :meth:`stc.pipeline.Model.solve`.
-        on_point: called in this process with the sweep and what was found, after every point.
+        axes: the values of each swept constant, in the units of the spec.
+        folder: folder for the results; created if it is missing.
+        workers: number of processes; None for one per processor, or as set by ``joblib.parallel_config``.
+        replay: whether motions are judged in MuJoCo, if the spec names a model.
+        method, tolerance, max_iterations: arguments of every solve, as for :meth:`stc.pipeline.Model.solve`.
+        on_point: function that is called in this process with the sweep and the result after every point.
 
     Returns:
-        What was found: see :class:`stc.sweeps.folder.Sweep`.
+        The results: see :class:`stc.sweeps.folder.Sweep`.
 
     Raises:
-        UsageError: values that cannot be swept, an unknown constant, or a folder that holds something else.
+        UsageError: invalid values, an unknown constant, or a folder that holds something else.
         SpecError: mistakes in the spec, at the first point.
-        WorkerError: a worker process was killed; what was found until then is kept.
-        EndedError: the process was asked to stop; what was found until then is kept.
+        WorkerError: a worker process was killed; the points that were done are kept.
+        EndedError: the process was asked to stop; the points that were done are kept.
     """
     given = {"method": method, "tolerance": tolerance, "max_iterations": max_iterations}
     given_options(tolerance, max_iterations)
@@ -110,14 +110,14 @@ def sweep(
 
 
 def _require_solvable(model: Model, method: str | None, constants: Mapping[str, float]) -> None:
-    """Raise what is wrong with the spec or its model before any work is done."""
+    """Raise the mistakes of the spec or its model before any work is done."""
     from stc.studies.replay_lines import check_replay_lines
 
     check_replay_lines(model.problem(method, **numbers(constants)))
 
 
 def _files(problem: Problem) -> dict[str, str]:
-    """The hashes of what the spec depends on besides its text, by path: its data, and the files of its model."""
+    """The hashes of the files that the spec depends on, by path: its data, and the files of its model."""
     from stc.validate.model import find_model
 
     files: list[Any] = list(files_of(problem.data))

@@ -1,7 +1,7 @@
-"""The same function for many tasks, in one process or in many.
+"""Apply one function to many tasks, in one process or in several.
 
-Several processes are joblib's business (https://joblib.readthedocs.io): on one machine its own pool of processes
-(loky), and whatever else ``joblib.parallel_config`` names, such as a Dask or Ray cluster.
+joblib (https://joblib.readthedocs.io) manages the processes: by default its own pool on one machine (loky), or the
+backend that ``joblib.parallel_config`` selects, such as a Dask or Ray cluster.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class WorkerError(StcError):
 
 
 def can_share() -> bool:
-    """Whether there can be more than one worker: joblib is installed."""
+    """Whether more than one worker is possible, that is, joblib is installed."""
     return find_spec("joblib") is not None
 
 
@@ -82,11 +82,11 @@ class Workers:
             self._parallel.__exit__(kind, error, trace)
 
     def results(self, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:
-        """What the function makes of each task, in the order in which they are done.
+        """The results of a function for each task, in the order in which they are done.
 
         Args:
-            function: of a module, so that other processes find it by its name.
-            tasks: to be pickled, where they go to other processes.
+            function: a function at the top level of a module, so that other processes can import it.
+            tasks: arguments of the function; they must be picklable for other processes.
 
         Raises:
             WorkerError: a worker of joblib's own pool was killed. (A cluster starts such tasks again.)
@@ -105,7 +105,7 @@ class Workers:
 
 
 def _elsewhere(asker: int, function: Callable[[T], R], task: T) -> R:
-    """Carry out one task in a worker: on one thread, since the others have the other processors."""
+    """Carry out one task in a worker, on one thread, since other workers use the other processors."""
     if os.getpid() != asker:
         from stc.codegen.threads import limit
 
@@ -118,7 +118,9 @@ def _elsewhere(asker: int, function: Callable[[T], R], task: T) -> R:
 
 @cache
 def _end_with(parent: int) -> None:
-    """Let this process end soon after its parent, which may be killed; joblib's workers wait minutes for new work."""
+    """End this process soon after its parent, which may be killed; otherwise joblib's workers wait minutes for new
+    work.
+    """
 
     def watch() -> None:
         while os.getppid() == parent:
