@@ -1,9 +1,9 @@
-"""Motions on the ground: MuJoCo's contact solver supplies what the solution's ``contact`` lines say.
+"""Motions on the ground: MuJoCo's contact solver supplies the forces of the solution's ``contact`` lines.
 
-Such a motion is measured as a whole: how far the base strays, each slide as a share of the way that it goes, how far
-every other joint does in its own unit, and where all of them stand in the end.  The base is what slides and is not
-driven.  A body that stands on a foot without moving it is unstable by nature (it is an inverted pendulum), so that
-after a landing an open-loop replay is judged by its last frame too.
+Such a motion is measured by the error of the base, as a share of the travel of each of its slides, by the error of
+every other joint in its own unit, and by all errors at the end.  The base is the set of slides that no actuator
+drives.  A body that stands on a foot is an unstable inverted pendulum, so that after a landing an open-loop replay is
+also judged by its last frame.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def travelled(setup: Setup) -> float:
-    """How far the base goes, in m: the largest distance between two places of its path, at least a short way."""
+    """The travel of the base in m: the largest distance between two places of its path, with a lower limit."""
     ways = [np.ptp(tie.line.value.before) for tie in _parts(setup)[0]]
     return max(limits.LEAST_WAY, float(np.hypot.reduce([0.0, *ways])))
 
@@ -36,13 +36,13 @@ def travelled(setup: Setup) -> float:
 def contact_metrics(
     name: str, setup: Setup, motion: Replay, forces: Sequence[ContactForces] = ()
 ) -> list[Metric]:
-    """How far a replay on the ground strays: the base, where there is one, and every other tied joint.
+    """The errors of a replay on the ground: of the base, if there is one, and of every other tied joint.
 
     Args:
-        name: of the replay, ``open-loop`` or ``tracked``.
+        name: name of the replay, ``open-loop`` or ``tracked``.
         setup: the motion.
-        motion: what the simulation did.
-        forces: of the contacts, which tell where the ground is.
+        motion: the simulation.
+        forces: the contact forces, which determine the direction of the ground.
     """
     base, others = _parts(setup)
     tracked = name == "tracked"
@@ -130,14 +130,14 @@ def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, F
 
 
 def missing_contacts(setup: Setup) -> list[Metric]:
-    """A measurement that fails where forces on bodies have no two geoms that can touch; nothing where all is well."""
+    """A failed measurement if no two geoms can touch although forces act on bodies; otherwise nothing."""
     if can_touch(setup.compiled) or all(line.path[0] == "joint" for line in setup.contact.lines):
         return []
     return [Metric("contacts that the model can have", "pairs of geoms", 0.0, "", 1.0, at_least=True)]
 
 
 def can_touch(model: mujoco.MjModel) -> bool:
-    """Whether any two geoms of a model may come into contact, wherever they are."""
+    """Whether any two geoms of a model can come into contact, in any pose."""
     import mujoco
 
     flags = mujoco.mjtDisableBit
@@ -158,7 +158,7 @@ def can_touch(model: mujoco.MjModel) -> bool:
 
 
 def friction_note(setup: Setup) -> str:
-    """Which friction the contacts of the model have, for the report."""
+    """A note on the friction of the model's contacts, for the report."""
     import mujoco
 
     model = setup.compiled

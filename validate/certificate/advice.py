@@ -90,21 +90,21 @@ def next_steps(
     unjudged: bool = False,
     drift: str = "",
 ) -> list[str]:
-    """What to do about the metrics that failed, the first thing first; nothing where none did.
+    """Advice on the failed metrics, most important first; empty if none failed.
 
     Args:
         metrics: everything that was measured.
         compared: whether the spec's equations of motion were compared with the model's.
-        more_frames: how to take more frames, such as ``--set n=120``; "" where that cannot be said in a word.
-        causes: steps for what is known to be wrong besides measurements, which more frames would not cure either.
-        details: steps that say more than the one they begin with, and replace it.
-        contacts: steps for what is known of the model's contacts, where these give other forces than the solved ones.
-        swings: steps for forces that swing from node to node: as those of right motions may, they come last and where
-            contact forces are wrong or nothing else is.
-        refused: whether the equations cannot be compared, which a note tells the reason of.
-        clamped: whether the model cuts solved controls off, which explains a residual.
-        unjudged: whether the residual could not be judged, so that wrong equations look like coarse frames.
-        drift: the step for equalities that drift open; "" where those that are broken do not.
+        more_frames: options for more frames, such as ``--set n=120``; "" if there is no short form.
+        causes: advice on known faults that are not measurements and that more frames would not correct.
+        details: more detailed advice; each replaces the general advice with which it begins.
+        contacts: advice on the model's contacts, for the case that they give other forces than the solved ones.
+        swings: advice on forces that alternate from node to node; since those of right motions may do so too, it comes
+            last, and only if contact forces or nothing else is wrong.
+        refused: whether the equations cannot be compared (a note has the reason).
+        clamped: whether the model clamps solved controls, which explains a residual.
+        unjudged: whether the residual could not be judged, so that wrong equations and too few frames look the same.
+        drift: the advice on equalities that drift open; "" if the broken ones do not.
     """
     found: dict[str, None] = {}
     fine = _fine_enough(metrics)
@@ -133,7 +133,9 @@ def next_steps(
 
 
 def _explained(failed: Sequence[Metric], clamped: bool) -> tuple[str, ...]:
-    """Beginnings of the names of metrics that need no step of their own, as a step for something else cures them."""
+    """Beginnings of the names of metrics that need no advice of their own, because advice on another metric corrects
+    them.
+    """
     found = ["inverse-dynamics"] if clamped else []
     if _impulses_differ(failed):
         found.append("unexplained impulse")
@@ -152,7 +154,7 @@ def _fine_enough(metrics: Sequence[Metric]) -> bool:
 
 
 def _contacts(metric: Metric) -> str:
-    """A step for what the model's contacts do otherwise than the solved forces: finer frames do not change it."""
+    """Advice on the model's contacts if they differ from the solved forces; more frames do not change this."""
     if metric.name.startswith("feedback"):
         return (
             "with the solved contact forces the motion is right: the feedback works against contacts of the model that "
@@ -168,9 +170,10 @@ def _contacts(metric: Metric) -> str:
 
 
 def _impulses_differ(failed: Sequence[Metric]) -> bool:
-    """Whether equations of motion are wrong in what tells the impulse of a jump: its mass or the share of a force.
+    """Whether the equations of motion are wrong in the terms that determine the impulse of a jump: mass or a force's
+    share.
 
-    Wrong gravity, say, gives no impulse. Where no terms were compared any of them may be what is wrong.
+    Wrong gravity, for example, gives no impulse.  If the terms were not compared, any of them may be wrong.
     """
     wrong = [metric for metric in failed if metric.name.startswith(_EQUATIONS)]
     terms = [metric for metric in wrong if not metric.name.startswith("equations of motion")]
@@ -178,7 +181,7 @@ def _impulses_differ(failed: Sequence[Metric]) -> bool:
 
 
 def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
-    """A step for what is wrong with the statement itself, "" for metrics of another kind."""
+    """Advice on a wrong statement in the spec; "" for metrics of another kind."""
     name = metric.name
     if name.startswith(_SOLVER):
         return "solve with a smaller --tolerance, such as 1e-10"
@@ -252,7 +255,7 @@ def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
 
 
 def cured_by_frames(metric: Metric) -> bool:
-    """Whether a measurement has what the steps between frames leave, so that more frames may cure it."""
+    """Whether more frames can reduce a measurement, because it contains a truncation error."""
     return _on_ground(metric) or metric.name.startswith((*_STEP, "equality broken"))
 
 
@@ -261,7 +264,7 @@ def _on_ground(metric: Metric) -> bool:
 
 
 def _effect(metric: Metric, more_frames: str) -> str:
-    """A step for what finer frames may cure."""
+    """Advice on measurements that more frames can reduce."""
     if metric.name.startswith("order of convergence"):
         return (
             "look for causes that are not smooth: limits that become active within a step, jumps, guesses that lead to "

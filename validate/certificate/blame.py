@@ -1,8 +1,8 @@
-"""One line that says what is wrong with a motion: which joint, which term.
+"""One line that says what is wrong with a motion: the joint and the term.
 
-What was measured is looked at in the order of cause and effect.  An equation of motion that differs from the
-model's explains a residual, a residual explains a drift; so the differing term is told first, and of several
-measurements of one kind the one that leaves its limit farthest behind.
+Measurements are examined from cause to effect.  A term of the equations of motion that differs from the model's
+explains a residual, and a residual explains a drift.  The differing term is therefore named first; among several
+measurements of one kind, the one that exceeds its limit most.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _EFFECTS = (
 
 
 def rank(metric: Metric) -> int:
-    """How near to the cause a metric of this name is: the lower the nearer."""
+    """The position of a metric in the order of cause and effect; causes have lower ranks."""
     for at, beginning in enumerate(_CAUSES):
         if metric.name.startswith(beginning):
             return at
@@ -64,7 +64,7 @@ def headline(metrics: Sequence[Metric], findings: Sequence[str], compared: bool)
 
     Args:
         metrics: everything that was measured.
-        findings: where the spec's equations of motion differ from the model's, the most telling line first.
+        findings: the differences between the spec's and the model's equations of motion, the most important first.
         compared: whether these equations were compared at all.
     """
     failed = sorted((m for m in metrics if m.verdict == "fail"), key=lambda m: (rank(m), -(margin(m) or 0.0)))

@@ -1,4 +1,4 @@
-"""Things about a solved motion that explain why it fails and that no number of frames mends."""
+"""Causes of a failure that can be found in the solved motion itself and that more frames do not correct."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def drifts(setup: Setup) -> list[str]:
 
 
 def drift_step(setup: Setup, more_frames: str) -> str:
-    """What to do about equalities that drift open."""
+    """Advice on equalities that drift open."""
     fast = float(f"{0.5 / np.diff(setup.solution.time).max():.1g}")
     frames = f"take more frames: {more_frames}" if more_frames else "take more frames"
     return (
@@ -91,7 +91,7 @@ def swinging_forces(setup: Setup) -> list[str]:
 
 
 def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
-    """Values at frames and, where there are some, midpoints in the order of time."""
+    """Values at the frames and, if there are any, the midpoints, in the order of time."""
     if mid is None:
         return frames
     found = np.empty(2 * len(frames) - 1)
@@ -119,7 +119,7 @@ def steps(setup: Setup, touching: Sequence[Touch] = ()) -> list[str]:
 
 
 def swing_steps(setup: Setup) -> list[str]:
-    """What to do about forces that swing, one line each: right motions have them as well."""
+    """Advice on forces that alternate from node to node, one line each; those of right motions may do so too."""
     return [
         f"{line}, which no contact of the model can follow: add the change of the force to the objective "
         "(such as 1e-6*fz'^2), or state the forces of bodies at rest with fewer unknowns"

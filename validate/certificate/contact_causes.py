@@ -1,4 +1,4 @@
-"""What is known about the contact forces of a motion that fails, beyond what was measured, and what to do about it."""
+"""Advice on the contact forces of a motion that fails."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def friction_steps(replays: Replays) -> list[str]:
 
 
 def given_by_nothing(replays: Replays) -> list[str]:
-    """Contact lines whose body never touches anything while they act; on joints that no limit or rope holds, none."""
+    """Contact lines whose body touches nothing while they act; lines on joints with a limit or tendon are left out."""
     import mujoco
 
     setup = replays.setup
@@ -68,7 +68,7 @@ def given_by_nothing(replays: Replays) -> list[str]:
 
 
 def _friction(one: ContactForces) -> str:
-    """A step for a body that slides with another friction than the model's, "" for others."""
+    """Advice on a body that slides with another friction than the model's; "" for other bodies."""
     if one.sliding is None or one.sliding.way_without <= limits.SLID_WITHOUT_FRICTION:
         return ""
     seen, at = one.judged, one.sliding.slides & ~one.sliding.right
@@ -82,7 +82,7 @@ def _friction(one: ContactForces) -> str:
 
 
 def contact_steps(replays: Replays) -> list[str]:
-    """What to change in the contacts of the model where these give other forces than the solved ones."""
+    """Advice on the contacts of the model if their forces differ from the solved ones."""
     return [
         f"body {one.body} slides diagonally to the axes of the model's friction cone, a pyramid, which brakes along "
         "one "
