@@ -184,7 +184,7 @@ def _advice_on_words(cell: str, row: Sequence[str], first: bool) -> str:
         return _MARKS
     if first and all(math.isnan(_number(each)) for each in row):
         return "if the line contains units, begin it with `#`, which makes it a comment"
-    return "every cell is a number, in plain digits; where there is none, leave the cell empty"
+    return "every cell is a number, in plain digits; leave a cell without a number empty"
 
 
 def _check_heading(path: str, names: Sequence[str], line: int, text: str) -> None:

@@ -59,7 +59,9 @@ class ContactFit:
         self._equalities = Equalities(setup.model())
 
     def largest(self) -> float:
-        """The largest solved force in N; if all lines are moments, the largest of them divided by the model's extent."""
+        """The largest solved force in N; if all lines are moments, the largest of them divided by the model's
+        extent.
+        """
         size = float(self._model.stat.extent)
         found = []
         for column, (line, channel) in enumerate(
@@ -107,7 +109,9 @@ class ContactFit:
         return cone_edges(self._model, self.data, slid, widened)
 
     def _is_free(self, column: int) -> bool:
-        """Whether the force of a line is not limited here: at a limit of its joint, or on a body that touches nothing."""
+        """Whether the force of a line is not limited here: at a limit of its joint, or on a body that touches
+        nothing.
+        """
         joint = self._touching.joints.get(column)
         if joint is not None:
             return bool(self._model.jnt_limited[joint])

@@ -184,7 +184,9 @@ def _end(time: FloatArray, first: int, length: float, steps: int) -> int | None:
 
 
 def _size(model: mujoco.MjModel, body: int) -> float:
-    """The largest distance of its geoms from the origin of a body's frame, in m; its radius of gyration without geoms."""
+    """The largest distance of its geoms from the origin of a body's frame, in m; its radius of gyration without
+    geoms.
+    """
     import mujoco
 
     data = mujoco.MjData(model)

@@ -33,7 +33,9 @@ def welded(model: mujoco.MjModel, body: int) -> set[int]:
 
 
 def touchable(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same model with contacts detected up to :data:`TOUCHES` before they touch, so that rounding does not decide."""
+    """The same model with contacts detected up to :data:`TOUCHES` before they touch, so that rounding does not
+    decide.
+    """
     model.geom_margin[:] = np.maximum(model.geom_margin, TOUCHES)
     model.pair_margin[:] = np.maximum(model.pair_margin, TOUCHES)
     return model

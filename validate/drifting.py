@@ -60,7 +60,9 @@ def _bend(gaps: FloatArray) -> float:
 
 
 def _along(setup: Setup, model: mujoco.MjModel, frame: int, whole: bool) -> list[dict[int, FloatArray]]:
-    """The residuals of each equality before, at and after a frame, extrapolated with the velocities and accelerations."""
+    """The residuals of each equality before, at and after a frame, extrapolated with the velocities and
+    accelerations.
+    """
     import mujoco
 
     data = mujoco.MjData(model)

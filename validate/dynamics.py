@@ -49,7 +49,9 @@ class SmoothDynamics:
         return full
 
     def bias(self) -> FloatArray:
-        """(nv,) c in the present state: gravity, springs, velocity products, damping, with the sign of the left side."""
+        """(nv,) c in the present state: gravity, springs, velocity products, damping, with the sign of the left
+        side.
+        """
         import mujoco
 
         mujoco.mj_fwdPosition(self.model, self.data)

@@ -1,4 +1,4 @@
-"""What is measured: one number with its unit, its limit and what follows from them."""
+"""One measurement: a number with its unit, its limit and its verdict."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Metric:
         return replace(self, limit=None)
 
     def to_dict(self) -> dict[str, Any]:
-        """The metric as JSON takes it; a value that is not finite becomes None."""
+        """The metric for JSON; a value that is not finite becomes None."""
         return {
             "name": self.name,
             "subject": self.subject,
@@ -74,6 +74,6 @@ def drift(distances: FloatArray) -> tuple[float, float]:
 
 
 def root_mean_square(sizes: FloatArray) -> float:
-    """The root of the mean square of finite numbers >= 0, in their unit, though a square is beyond all doubles."""
+    """The root of the mean square of finite numbers >= 0, in their unit, without overflow of the squares."""
     largest = float(sizes.max(initial=0.0))
     return largest * float(np.sqrt(np.mean((sizes / largest) ** 2))) if largest > 0.0 else 0.0

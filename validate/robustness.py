@@ -1,9 +1,9 @@
-"""How a motion takes what it was not made for: many perturbed replays at once.
+"""Robustness of a motion: many perturbed replays at once.
 
 Every replay follows the solved motion under the same proportional-derivative feedback, in a model or from a state that
-differs a little from what the motion was solved for.  Kinds of perturbation are tried one by one, then together, with
-``mujoco.batch``, which steps all simulations of a kind side by side.  The random numbers come from a seed: the
-same seed gives the same envelope on the same machine.
+differs a little from the solved one.  Kinds of perturbation are tried one by one, then together, with ``mujoco.batch``,
+which simulates all samples of a kind side by side.  The random numbers come from a seed: the same seed gives the same
+result on the same machine.
 """
 
 from __future__ import annotations
@@ -46,14 +46,15 @@ KINDS: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Envelope:
-    """What came of one kind of perturbation.
+    """The errors under one kind of perturbation.
 
     Attributes:
         kind: one of :data:`KINDS`.
         base: (samples,) RMS distance of the base from the solved motion, as a share of its travel; for motions that are
             not on the ground, that of the sliding joints in m.  Infinite for a simulation that broke down.
         joints: (samples,) RMS distance of the joints, in rad.
-        lost: (samples,) whether a joint left the solved motion by more than :data:`limits.LOST`: a lamp that fell.
+        lost: (samples,) whether a joint left the solved motion by more than :data:`limits.LOST`, as when the lamp
+            falls.
     """
 
     kind: str
@@ -82,8 +83,8 @@ class Robustness:
     """The envelopes of one motion.
 
     Attributes:
-        spec: its name.
-        base_unit: of the base's errors: ``of travel`` or ``m``.
+        spec: name of the spec.
+        base_unit: unit of the base's errors: ``of travel`` or ``m``.
         seed: of the random numbers.
         envelopes: one per kind.
         simulator: name and version.
@@ -164,13 +165,13 @@ def _percentiles(values: FloatArray) -> dict[str, float | None]:
 def robustness(
     setup: Setup, samples: int = limits.PERTURBED_SAMPLES, seed: int = 0, kinds: Sequence[str] = tuple(KINDS)
 ) -> Robustness:
-    """Replay a motion many times, each time a little perturbed.
+    """Replay a motion many times with small perturbations.
 
     Args:
         setup: the motion and its model, from :func:`stc.validate.verdict.open_setup`.
         samples: replays per kind; the unperturbed one is a single one.
-        seed: of the random numbers.
-        kinds: which of :data:`KINDS` to try.
+        seed: seed of the random numbers.
+        kinds: the perturbations, of :data:`KINDS`.
 
     Raises:
         UsageError: no samples, an unknown kind, a motion of a single frame, or one without a motor that feedback

@@ -1,4 +1,4 @@
-"""Everything that a validation works with: the model with the spec's numbers in it, and what is tied to it."""
+"""The inputs of a validation: the model with the spec's numbers, and its connections to the solution."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Setup:
-    """A solution and its model, tied together.
+    """A solution and its model, connected by the replay lines.
 
     Attributes:
         solution: the motion.
-        path: of the model file.
-        compiled: the model as the spec sets it up; take a :meth:`model` of it to change options.
+        path: path of the model file.
+        compiled: the model with the fields that the spec sets; use a copy from :meth:`model` to change options.
         fields: model fields that the spec set, by path.
-        ties: the joints that the spec speaks of, part by part.
+        ties: the joints with ``joint`` lines, part by part.
         reference: their solved motion as a function of time.
-        controls: of the actuators.
+        controls: controls of the actuators.
         activations: states of actuators, as the solution has them.
         applied: forces that always act.
         contact: forces that the model's own contacts should supply.
-        outputs: what else is compared.
-        untied: how the joints move that the spec does not tie, once a replay has shown which of them do; None where
-            all are tied or it cannot be said.
-        unknown: why not, in words; "" elsewhere.
-        faults: where the model is not the one that the motion was solved for, one line each.
-        remarks: what a reader should know of where the model came from.
+        outputs: the compared outputs.
+        untied: the motion of the joints without ``joint`` lines, after a replay has shown which of them move; None if
+            there are none or their motion is not known.
+        unknown: why it is not known, in words; otherwise "".
+        faults: differences between the model and the one that the motion was solved for, one line each.
+        remarks: notes on the origin of the model.
     """
 
     solution: Solution
@@ -73,7 +73,7 @@ class Setup:
     remarks: list[str] = field(default_factory=list)
 
     def put(self, data: mujoco.MjData, part: str, frame: int) -> None:
-        """Set a simulation to the solved place, velocity and activations at a node."""
+        """Set a simulation to the solved position, velocity and activations at a node."""
         self.reference.put(data, self.reference.at(part, frame)[:2])
         data.act[self.activations.addresses] = self.activations.at(part, frame)
 
@@ -93,21 +93,21 @@ class Setup:
 
     @property
     def all_forces(self) -> OuterForces:
-        """Applied and contact forces together: what acts where the model's contacts are switched off."""
+        """Applied and contact forces together, which act if the model's contacts are switched off."""
         return OuterForces(self.compiled, self.solution, ("apply", "contact"))
 
     @property
     def knows_activations(self) -> bool:
-        """Whether the solution tells the states of all actuators that have one."""
+        """Whether the solution contains the states of all actuators that have one."""
         return len(set(self.activations.addresses.tolist())) == self.compiled.na
 
     @property
     def all_tied(self) -> bool:
-        """Whether the solution tells how every coordinate of the model moves."""
+        """Whether the solution contains the motion of every coordinate of the model."""
         return len(self.reference.velocities) == self.compiled.nv
 
     def notes(self) -> list[str]:
-        """What the spec leaves out of the model, and where the model will not do what it is told."""
+        """Notes on elements of the model that the spec leaves out, and on inputs that the model changes."""
         notes = [*self.remarks]
         if self.solution.status != "optimal":
             notes.append(f"the solution is not optimal: {self.solution.status}")
@@ -131,12 +131,12 @@ class Setup:
 def prepare(
     solution: Solution, model: str | os.PathLike[str] | None = None, beside: Iterable[str | Path] = ()
 ) -> Setup:
-    """Find and compile the model of a solution, and tie the replay lines to it.
+    """Find and compile the model of a solution, and connect the replay lines to it.
 
     Args:
         solution: the motion.
-        model: another model file than the one that the spec names.
-        beside: folders to look in besides the one of the spec.
+        model: a model file to use in place of the one that the spec names.
+        beside: folders to search besides the one of the spec.
 
     Raises:
         ModelError: there is no model, or a replay line does not fit it.
@@ -172,7 +172,9 @@ def prepare(
 
 
 def model_faults(solution: Solution, path: Path) -> list[str]:
-    """A line for a model that is not the one that a motion was solved for; nothing where it is, or is not recorded."""
+    """A line for a model that differs from the one that a motion was solved for; empty if it does not, or is not
+    recorded.
+    """
     other = changed(solution.files, path)
     if not other:
         return []
@@ -186,7 +188,7 @@ def model_faults(solution: Solution, path: Path) -> list[str]:
 
 
 def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> None:
-    """Find what a replay line names, before there is a motion; ``set`` lines leave a 1 in the model.
+    """Check a replay line against the model, before there is a motion; ``set`` lines leave a 1 in the model.
 
     Raises:
         ModelError: it is not in the model.
@@ -206,7 +208,7 @@ def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> Non
 def _path(
     solution: Solution, model: str | os.PathLike[str] | None, beside: Iterable[str | Path]
 ) -> tuple[Path, bool]:
-    """Where the model is, and whether it is the one that the solution carries, where there is no other."""
+    """The path of the model, and whether it is the one stored in the solution because there is no other."""
     if model is not None:
         return find_model(file_path(model, "the model"), [Path()]), False
     if solution.model is None:

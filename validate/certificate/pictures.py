@@ -62,7 +62,9 @@ class Pictures:
         return [int(k) for k in np.unique(np.linspace(0, len(self.frames) - 1, count).round())]
 
     def animation(self, quality: int = 80) -> bytes:
-        """All frames as an animated WebP file in which every frame is complete, so that a page can show single frames."""
+        """All frames as an animated WebP file in which every frame is complete, so that a page can show single
+        frames.
+        """
         stream = io.BytesIO()
         self.frames[0].save(
             stream,

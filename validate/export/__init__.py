@@ -42,12 +42,12 @@ _ENDINGS = {
 
 
 def default_name(solution: Solution, kind: str) -> str:
-    """The file name of an export for which none was given."""
+    """The default file name of an export."""
     return f"{solution.name}{_ENDINGS[kind]}{FORMATS[kind]}"
 
 
 def check_format(kind: str, rate: float | None, time_step: float | None) -> None:
-    """Refuse a format that does not exist, and numbers that a format has no use for.
+    """Refuse an unknown format, and options that the format does not have.
 
     Raises:
         UsageError: as :func:`export`.
@@ -75,19 +75,19 @@ def export(
     Args:
         motion: a solution, or the path of a saved one.
         kind: one of :data:`FORMATS`.
-        path: of the file; by default one in the working directory that is named after the spec.
-        model: another model file than the one that the spec names.
-        rate: instants per second of tables and animations; by default the frames of a table, and for an animation
-            60, or one for each frame where those are more.
+        path: the file; by default one in the working directory that is named after the spec.
+        model: a model file to use in place of the one that the spec names.
+        rate: instants per second of tables and animations; by default the frames for a table, and for an animation
+            60, or the frames if there are more.
         time_step: longest time step of keyframes and controls, in seconds; by default that of the model.
 
     Returns:
         The path of the file.
 
     Raises:
-        UsageError: an unknown format, a suffix that is not the format's, a file that the motion is made from, a rate or
-            time step that the format does not have, that is not positive or means a file out of proportion.
-        ModelError: there is no model, or it cannot be written as asked.
+        UsageError: an unknown format, a wrong suffix, a file that is an input of the motion, or a rate or time step
+            that the format does not have, that is not positive, or that would make the file too large.
+        ModelError: there is no model, or it cannot be written.
         SolutionError: the solution is damaged.
     """
     check_format(kind, rate, time_step)

@@ -1,4 +1,4 @@
-"""What a MuJoCo program needs to play a motion: controls for every time step, and the gains that track it.
+"""The inputs of a MuJoCo program that plays a motion: controls for every time step, and feedback gains.
 
 The file holds NumPy arrays for a model with nq positions, nv velocities and nu controls, over K equal steps:
 
@@ -13,7 +13,7 @@ The file holds NumPy arrays for a model with nq positions, nv velocities and nu 
                                       way, 1, data.qpos, qpos[k])``: ``qpos[k] - data.qpos`` without quaternions
 ==================  ================  =====================================================================
 
-Each control is that of the middle of its step, so that holding it errs by the square of the step only.
+Each control is that at the middle of its step, so that the error of holding it is of second order in the step.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from stc.validate.tracking import Feedback, proportional, regulator
 
 
 def steps(setup: Setup, time_step: float | None = None) -> tuple[int, float]:
-    """Number and duration, in seconds, of the equal steps that the motion is cut into."""
+    """Number and duration, in seconds, of the equal steps of the motion."""
     wanted = float(setup.compiled.opt.timestep) if time_step is None else time_step
     count = max(1, math.ceil(setup.solution.duration / wanted - 1e-9))
     return count, setup.solution.duration / count
@@ -96,7 +96,7 @@ def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
 
 
 def _law(setup: Setup) -> Feedback | None:
-    """The feedback that tracks the motion: the regulator where there can be one, else proportional-derivative."""
+    """The feedback: the regulator if there is one, else proportional-derivative control."""
     if not setup.solution.n or not len(setup.controls):
         return None
     maps = linearised(setup)
@@ -107,7 +107,7 @@ def _law(setup: Setup) -> Feedback | None:
 
 
 def _velocities(setup: Setup, times: FloatArray) -> FloatArray:
-    """(k, nv) solved velocities; joints that are not tied have none."""
+    """(k, nv) solved velocities; zero for joints that are not tied."""
     solution, reference = setup.solution, setup.reference
     found = np.zeros((len(times), setup.compiled.nv))
     if solution.n == 0:
@@ -122,7 +122,7 @@ def _velocities(setup: Setup, times: FloatArray) -> FloatArray:
 
 
 def _generalised(setup: Setup, positions: FloatArray, forces: FloatArray) -> FloatArray:
-    """(k, nv) what outer forces amount to at the solved positions."""
+    """(k, nv) the generalised forces of external forces at the solved positions."""
     import mujoco
 
     model = setup.model()

@@ -1,8 +1,8 @@
 """The moving model as a binary glTF file: geometry by trimesh, the motion as keyframes of the bodies' nodes.
 
 Every body of the model is a node below its parent's, with a translation and a rotation over time where it moves
-against its parent, so that an animator finds the joints where the model has them.  MuJoCo's z points up, glTF's y: a
-node above all others turns the one into the other.  See the glTF 2.0 specification, sections 3.5 and 3.11.
+against its parent, so that the joints of the animation are those of the model.  MuJoCo's z points up, glTF's y: a
+root node converts between them.  See the glTF 2.0 specification, sections 3.5 and 3.11.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def write(setup: Setup, path: Path, rate: float | None = None) -> None:
 
     Args:
         setup: the motion and its model.
-        path: of the file, ``.glb``.
-        rate: keyframes per second; None takes 60, or one for each frame where those are more.
+        path: the file, ``.glb``.
+        rate: keyframes per second; None takes 60, or the frames if there are more.
 
     Raises:
         UsageError: with this rate the file is out of proportion.
@@ -72,7 +72,7 @@ def write(setup: Setup, path: Path, rate: float | None = None) -> None:
 
 
 def local_poses(model: mujoco.MjModel, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where every body is in its parent's frame.
+    """The pose of every body in its parent's frame.
 
     Args:
         model: what moves.
@@ -168,7 +168,7 @@ def _shape_key(model: mujoco.MjModel, geom: int) -> tuple[Any, ...]:
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
-    """The surface of a geom in its own frame; None for kinds that glTF has no place for."""
+    """The surface of a geom in its own frame; None for kinds that glTF cannot represent."""
     import mujoco
     import trimesh
     from trimesh import creation
@@ -279,7 +279,7 @@ def _animate(
 def _accessor(
     buffers: MutableMapping[Any, bytes], tree: dict[str, Any], key: str, kind: str, values: FloatArray
 ) -> int:
-    """Append an array to the file's data, and tell the number by which the tree speaks of it."""
+    """Append an array to the file's data, and return the index by which the tree refers to it."""
     data = np.ascontiguousarray(values, dtype="<f4")
     buffers[f"animation {key}"] = data.tobytes()
     tree["accessors"][f"animation {key}"] = {

@@ -1,11 +1,11 @@
 """An OpenGL context without a screen.
 
-MuJoCo's own renderer takes whatever backend was chosen when ``mujoco`` was first imported, which is one that wants
-a screen unless ``MUJOCO_GL`` says otherwise.  Here the choice is made when a picture is asked for.
+MuJoCo's own renderer uses the backend that was chosen when ``mujoco`` was first imported, which needs a screen unless
+``MUJOCO_GL`` selects another.  Here the choice is made when a picture is requested.
 
-Two things guard the process.  MuJoCo's resources (``mujoco.MjrContext``) are made only where a context is current:
-without one MuJoCo raises an exception the first time and aborts the process the second time.  And what did not work
-once is not tried again: the libraries behind it keep what they found when they were loaded.
+Two measures protect the process.  MuJoCo's resources (``mujoco.MjrContext``) are only created while a context is
+current: without one MuJoCo raises an exception the first time and aborts the process the second time.  A backend that
+failed is not tried again, since the libraries behind it keep their state from when they were loaded.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def _loads(library: str) -> bool:
 
 
 def _is_current(backend: str) -> bool:
-    """Whether the thread has a current context, by the backend's own word."""
+    """Whether the thread has a current context, according to the backend."""
     if backend == "glfw":
         return bool(importlib.import_module("glfw").get_current_context())
     if backend in _LIBRARIES:

@@ -1,4 +1,4 @@
-"""Sky and light for the pictures of a model that brings none of its own: MuJoCo would leave it black."""
+"""Sky and light for the pictures of a model that has none; MuJoCo would leave it black."""
 
 from __future__ import annotations
 

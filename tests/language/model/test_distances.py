@@ -152,7 +152,7 @@ MISTAKES = {
     "distance(geom.left, geom.left)": "a geom and itself",
     "point(body.l, 0, 0, 1)": "a point is not a number",
     "point(body.l, 0, 0).x": "a point in a body is `point(body.NAME, x, y, z)`",
-    "point(body.l, joint.lx, 0, 0).x": "places that do not change",
+    "point(body.l, joint.lx, 0, 0).x": "must be constant",
     "point(body.m, 0, 0, 1).x": "the model has no body `m`",
     "point(body.l, 0, 0, 1).q": "has no field `q`",
     "sin(joint.lx).x": "`sin(...)` has no fields",
