@@ -1,6 +1,6 @@
-"""Compiles the solver's own code when the package is built: ``python -m stc.compile_ahead FOLDER``.
+"""Compile the solver's own code when the package is built: ``python -m stc.compile_ahead FOLDER``.
 
-See :mod:`stc.codegen.shipped` for what becomes of it.
+:mod:`stc.codegen.shipped` loads the result.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from stc.codegen import calls, copying, engine, interpreter, shipped, threads
 
 
 def main() -> None:
-    """Compile into the folder that the command line names."""
+    """Compile the solver's own code into the folder that the command line names."""
     (folder,) = sys.argv[1:]
     if not engine.llvm_wanted():
         print("without LLVM the solver's own code is compiled when it is first used", file=sys.stderr)

@@ -34,7 +34,7 @@ TIME = "time"
 
 
 class DataError(StcError):
-    """A file or a table of numbers that is not as it should be; ``hint`` says what to do."""
+    """An invalid file or table of numbers; ``hint`` says how to correct it."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -49,13 +49,13 @@ class DataSet:
     """Columns of numbers with names.
 
     Attributes:
-        name: what the spec calls it.
+        name: its name in the spec.
         columns: each (k,), in the order of the file, NaN where a cell is empty; arrays of an ``.npz`` may have other
             lengths than each other, or two dimensions.
-        where: what it is called in messages: its file, or "" for numbers of the spec.
-        lines: (k,) the line of the file that each row stands on; empty where there are none.
-        file: what it was read from, with its content; None for numbers of the spec.
-        structural: the constants that numbers of the spec were worked out from.
+        where: its name in messages: its file, or "" for numbers in the spec.
+        lines: (k,) the line number of each row in the file; empty if there is no file.
+        file: the file with its content; None for numbers in the spec.
+        structural: the constants from which numbers in the spec were computed.
     """
 
     name: str
@@ -67,16 +67,16 @@ class DataSet:
 
     @property
     def rows(self) -> int:
-        """How many numbers the longest column has."""
+        """The number of entries in the longest column."""
         return max((len(column) for column in self.columns.values()), default=0)
 
     @property
     def time(self) -> FloatArray | None:
-        """When each row was measured, in seconds; None where nothing says so."""
+        """The time of each row, in seconds; None without a time column."""
         return self.columns.get(TIME)
 
     def place(self, row: int) -> str:
-        """What a row, counted from 0, is called in messages: by the line of its file where it has one."""
+        """The name of a row, counted from 0, in messages: its line in the file, if there is one."""
         if self.lines:
             return f"line {self.lines[row]} of `{self.where}`"
         return f"row {row + 1} of `{self.where or self.name}`"
@@ -86,9 +86,9 @@ def read_file(name: str, path: str, content: bytes) -> DataSet:
     """The columns of a file.
 
     Args:
-        name: what the spec calls them.
-        path: of the file, as the spec writes it, with one of :data:`SUFFIXES`, which tells the format.
-        content: all of it.
+        name: their name in the spec.
+        path: path of the file in the spec, with one of :data:`SUFFIXES`.
+        content: the content of the file.
 
     Raises:
         DataError: it is not a table of numbers, or too large.
@@ -167,7 +167,7 @@ _MARKS = "cells are separated by commas, semicolons or tabulators, the same on a
 
 
 def _advice_on_cells(row: Sequence[str], columns: int, mark: str) -> str:
-    """What to do about a line with another number of cells than the first one."""
+    """Advice on a line with a different number of cells than the first one."""
     if len(row) == columns + 1 and not row[-1].strip():
         return f"take away the `{mark}` at the end of the line"
     if mark == "," and len(row) == 2 * columns and all(cell.strip().isdigit() for cell in row[1::2]):
@@ -207,7 +207,7 @@ def _check_heading(path: str, names: Sequence[str], line: int, text: str) -> Non
 
 
 def _number(cell: str) -> float:
-    """The number in a cell; NaN where there is none."""
+    """The number in a cell; NaN if it is empty."""
     try:
         return float(cell)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Starting values from outside: a table of numbers, or an earlier solution, asked for at the frames of a motion.
+"""Starting values from a table of numbers or an earlier solution, evaluated at the frames of a motion.
 
 ``.csv``
     A heading line with names, then numbers.  A column ``t`` or ``time`` (seconds) or ``frame`` says where each row
@@ -59,15 +59,15 @@ APART = 1e-9
 
 
 class CoverageWarning(UserWarning):
-    """A table of starting values is for another time than the motion's."""
+    """A table of starting values covers a different time interval than the motion."""
 
 
 class UnusedWarning(UserWarning):
-    """Starting values that nothing in the spec uses."""
+    """Some starting values are not used by the spec."""
 
 
 class GivenValues(Protocol):
-    """Starting values by name.  ``strict`` tells whether a name that the spec does not have is a mistake."""
+    """Starting values by name. ``strict`` says whether a name that the spec does not contain is a mistake."""
 
     strict: bool
 
@@ -75,7 +75,7 @@ class GivenValues(Protocol):
         """All names, derivatives with their primes."""
 
     def parameter(self, name: str) -> float | None:
-        """One number, or None where there is none of this name."""
+        """The value of a parameter, or None if there is none of this name."""
 
     def values(self, name: str, order: int, time: FloatArray, midpoints: bool = True) -> NodeValues | None:
         """A variable (or derivative of it) at the frames of a motion.
@@ -93,9 +93,9 @@ class TableValues:
     Attributes:
         columns: name to (k,) numbers; NaN where one is missing.
         place: ``t``, ``frame`` or ``""`` for rows that are spread evenly.
-        at: (k,) where each row stands, not falling.
-        where: what the table is called in messages.
-        judged: whether it was told already which of its columns nothing uses.
+        at: (k,) position of each row, not decreasing.
+        where: name of the table in messages.
+        judged: whether unused columns were already reported.
     """
 
     columns: Mapping[str, FloatArray]
@@ -139,7 +139,7 @@ class TableValues:
         )
 
     def _check_coverage(self, frames: FloatArray) -> None:
-        """Compare where the rows stand with the motion.
+        """Compare the positions of the rows with the motion.
 
         Raises:
             UsageError: a row for a frame that the motion does not have.
@@ -170,9 +170,9 @@ class SolutionValues:
     """A solution's own curves, by frame index.
 
     Attributes:
-        solution: whose curves.
-        alignment: which of its frames are which here; None keeps each frame's share of the motion.
-        judged: whether it was told already which of its values nothing uses.
+        solution: the solution.
+        alignment: the correspondence of its frames; None keeps each frame's share of the motion.
+        judged: whether unused values were already reported.
     """
 
     solution: Solution
@@ -217,7 +217,7 @@ class SolutionValues:
 
 
 def warn_of_unused(given: GivenValues, spec: str, known: Mapping[str, int | None]) -> None:
-    """Tell once which values a spec has no use for.
+    """Warn once of values that the spec does not use.
 
     Args:
         given: the values.
@@ -249,7 +249,7 @@ def warn_of_unused(given: GivenValues, spec: str, known: Mapping[str, int | None
 
 
 def _hint(name: str, known: Mapping[str, int | None]) -> str:
-    """What may have been meant by a name that nothing uses."""
+    """A suggestion for a name that is not used."""
     base = name.rstrip("'")
     if base not in known:
         from difflib import get_close_matches
@@ -263,10 +263,10 @@ def _hint(name: str, known: Mapping[str, int | None]) -> str:
 
 
 def guess_of(given: Mapping[str, ArrayLike] | GivenValues | Solution | str | os.PathLike[str]) -> GivenValues:
-    """Starting values from a file, from numbers by name (a column ``t`` or ``frame`` among them), or as they are.
+    """Starting values from a file, from numbers by name (with a column ``t`` or ``frame``), or from a solution.
 
     Raises:
-        UsageError: as :func:`read_guess`; or what is given is none of these.
+        UsageError: as :func:`read_guess`; or the argument is none of these.
     """
     if isinstance(given, str | os.PathLike):
         return read_guess(given)
@@ -283,7 +283,7 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
     """Read starting values from a ``.csv`` or ``.npz`` file.
 
     Raises:
-        UsageError: no such file, another kind of file, or what is in it is not a table of numbers.
+        UsageError: no such file, another kind of file, or a file that is not a table of numbers.
         SolutionError: a damaged solution.
     """
     import csv

@@ -1,7 +1,7 @@
-"""A saved motion, stated again: from a file's text, constants and unknowns to the solution that they mean.
+"""From a solution file to a solution: the problem is built again from the text, constants and unknowns in the file.
 
-A file holds what was unknown, once.  Times, derivatives, what drives the replay, and where a multiplier belongs are
-evaluated here from the spec's own text, so that nothing in a file can say otherwise.
+A file stores the unknowns once.  Times, derivatives, the inputs of the replay and the positions of multipliers are
+computed here from the spec's own text, so that the file cannot contradict them.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _last: list[_Restated] = []
 
 
 def source_of(solution: Solution, beside: Path | None = None) -> Source:
-    """The spec's text that a solution carries, as it would be read from its folder.
+    """The text of a solution's spec, as if it were read from its folder.
 
     Args:
         solution: any.
@@ -71,11 +71,11 @@ def _source(
 
 
 def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None:
-    """The file of the model that a motion was solved for: where its text would look for it, if that is still the same
-    one, else what the solution carries; None where neither is to be had, and the text has to find what it can.
+    """The file of the model that a motion was solved for: the file at the place in the text if it is unchanged, else
+    the stored one; None if there is neither.
 
-    What a motion means does not depend on what has become of the model's file.  Whether a verdict is about that file is
-    judged elsewhere, by its hash (:mod:`stc.validate.setup`).
+    The meaning of a motion does not depend on later changes of the model's file.  :mod:`stc.validate.setup` checks by
+    its hash whether a verdict is about that file.
     """
     if not files:
         return None
@@ -96,7 +96,7 @@ def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None
 
 
 def problem_of(solution: Solution) -> Problem:
-    """The problem that a solution solves, read anew from the text that it carries.
+    """The problem of a solution, built from the text in it.
 
     Raises:
         SpecError: the text is not a spec.
@@ -110,7 +110,7 @@ def problem_of(solution: Solution) -> Problem:
 
 
 def stated_again(solution: Solution) -> Stated:
-    """The problem that a solution solves, on its frames, from the text that it carries.
+    """The problem of a solution on its frames, built from the text in it.
 
     Raises:
         SpecError, UsageError: as :func:`problem_of`.
@@ -178,7 +178,7 @@ _WORDS = ("name", "source", "directory", "method", "status", "message", "optimiz
 
 
 def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
-    """The solution that a file means; ``beside`` is the file's folder.
+    """The solution of a file; ``beside`` is the file's folder.
 
     Raises:
         SolutionError: the file contradicts itself or its own text.

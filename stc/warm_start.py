@@ -1,4 +1,4 @@
-"""Where a solve starts that goes on from an earlier solution, of the same problem or of one like it."""
+"""The start of a solve from an earlier solution of the same or a similar problem."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from stc.transcription.bind import BoundProgram
 def start_from(
     earlier: Solution, alignment: Alignment, transcription: Transcription, problem: Problem
 ) -> tuple[Start, BoundProgram | None]:
-    """The earlier solution's values, with its multipliers where it was optimal, resampled where frames differ.
+    """The earlier solution's values, with its multipliers if it was optimal, resampled if the frames differ.
 
     Args:
         earlier: the solution to start from.
-        alignment: which of its frames are which of the problem's.
+        alignment: the correspondence of its frames to the problem's.
         transcription, problem: to be solved.
 
     Returns:
@@ -54,7 +54,7 @@ def start_from(
 
 
 def aligned(earlier: Solution, problem: Problem, before: Callable[[], Problem]) -> Alignment:
-    """Which frames of an earlier solution are which of a problem's.
+    """The correspondence of frames between an earlier solution and a problem.
 
     Args:
         earlier: of the same spec.

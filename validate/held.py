@@ -127,7 +127,9 @@ class Holding:
             found[nv:] += stop
 
     def _touching(self, position: FloatArray, velocity: FloatArray, pressing: FloatArray) -> list[Touching]:
-        """The active contacts in a state (nq,), (nv,) of the model with values ``pressing`` (k,) of the contact lines."""
+        """The active contacts in a state (nq,), (nv,) of the model with values ``pressing`` (k,) of the contact
+        lines.
+        """
         import mujoco
 
         model, data = self._model, self._data

@@ -1,4 +1,4 @@
-"""What ``stc export`` does."""
+"""The commands ``stc export`` and ``stc schedule``."""
 
 from __future__ import annotations
 

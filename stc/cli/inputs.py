@@ -1,4 +1,4 @@
-"""What users name on the command line: specs, and numbers as the spec language writes them."""
+"""Inputs on the command line: specs, and numbers in the notation of the spec language."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def load(spec: str, constants: Mapping[str, float]) -> Model:
-    """The model of a path or bundled name with the constants that the user gave."""
+    """The model of a path or bundled name, with the constants of the user."""
     from stc.bundled import find_spec
     from stc.pipeline import Model, read_source
 

@@ -1,4 +1,4 @@
-"""What `stc show robot.xml` lists."""
+"""The listing of `stc show robot.xml`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def find(name: str) -> Path:
 
 
 def listing(name: str) -> str:
-    """Names, keyframes and sizes of a model, and what of it cannot be stated."""
+    """Names, keyframes and sizes of a model, and its unsupported elements."""
     path = find(name)
     mechanism = read_model(path)
     lines = [

@@ -1,7 +1,8 @@
-"""The spec that `stc new --model robot.xml` writes: the first of a few plain ones that solves and passes validation.
+"""The spec that `stc new --model robot.xml` writes: the first of several simple specs that solves and passes
+validation.
 
-A robot that stands is asked to stand, one that is mounted to hold its pose, and what can do neither is let go.
-Which of these a model can do depends on its motors, ranges and shapes, so each page is tried before it is written.
+A robot that can stand is asked to stand, a mounted one to hold its pose; a model that can do neither is let go.  Which
+of these is possible depends on its motors, ranges and shapes, so each spec is tried before it is written.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ Changes = Sequence[tuple[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class _Page:
-    """What one page asks for.
+    """The definition of one spec.
 
     Attributes
     ----------
@@ -108,7 +109,7 @@ _UNSOLVED = "not solved"
 
 
 def _tried(text: str, path: Path) -> str:
-    """What becomes of a page: nothing where it is solved and passes validation, else by what it fails."""
+    """Solve and validate a spec: "" if it passes, otherwise the reason of the failure."""
     from stc.certification import certify
 
     try:
@@ -123,7 +124,7 @@ def _tried(text: str, path: Path) -> str:
 
 
 def _pages(mechanism: Mechanism) -> Iterator[_Page]:
-    """Pages from the most to the least that can be asked of a model."""
+    """The specs to try, from the most to the least demanding."""
     stance = Stance(mechanism, _pose(mechanism)[1])
     inside = stance.changes()
     travels = _travels(mechanism)
@@ -153,7 +154,7 @@ def _pages(mechanism: Mechanism) -> Iterator[_Page]:
 
 
 def _travels(mechanism: Mechanism) -> bool:
-    """Whether a body that hangs on the world can be moved up and down."""
+    """Whether a body attached to the world can move up and down."""
     return any(
         mechanism.bodies[joint.body].parent == 0
         and (joint.kind == "free" or (joint.kind == "slide" and abs(joint.axis[2]) > 1.0 - 1e-9))
@@ -220,20 +221,20 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
 
 
 def _gives_way(mechanism: Mechanism) -> bool:
-    """Whether contacts of the model give way, as MuJoCo's usual ones do."""
+    """Whether the contacts of the model are as compliant as MuJoCo's default."""
     touching = [geom for geom in mechanism.geoms if geom.contype or geom.conaffinity]
     return any(geom.solref[0] > _STIFF for geom in touching)
 
 
 def _written(name: str, path: Path) -> str:
-    """A model as a spec at ``path`` calls it: files are looked up beside the spec, then among the bundled ones."""
+    """The name of a model in a spec at ``path``: files are looked up beside the spec, then among the bundled ones."""
     if not Path(name).is_file() or Path(name).is_absolute():
         return name
     return Path(os.path.relpath(name, path.parent)).as_posix()
 
 
 def _pose(mechanism: Mechanism) -> tuple[str, Sequence[float]]:
-    """The model's first keyframe with a name, else the pose that the file draws: its path and coordinates."""
+    """The model's first named keyframe, else the pose of the file: its path and coordinates."""
     for keyframe in mechanism.keyframes:
         if keyframe.name:
             return f"keyframe.{quoted(keyframe.name)}", keyframe.qpos

@@ -1,4 +1,4 @@
-"""What ``stc validate --robustness`` does: many replays of a motion, each time a little perturbed."""
+"""The command ``stc validate --robustness``: many replays of a motion with small perturbations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def run(
     """Replay the motion and show the envelope; good when the unperturbed replay is not lost.
 
     Raises:
-        UsageError: what cannot be replayed so, or a negative seed.
+        UsageError: a motion that cannot be replayed with perturbations, or a negative seed.
     """
     from stc.validate import limits
     from stc.validate.robustness import robustness

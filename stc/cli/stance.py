@@ -1,8 +1,8 @@
-"""How a model can stand: what of it is lowest, and a pose near a given one that balances on that.
+"""How a model can stand: its lowest points, and a balanced pose close to a given one.
 
-A pose that a file draws has straight legs as often as not, feet that are not level, and its centre of mass beside them.
-Such a pose cannot be held, or hardly: a straight leg takes no load off its knee.  Here the knees are bent, and the
-joints between the feet and the rest are moved as little as levels the feet under the centre of mass.
+The pose in a file often has straight legs, feet that are not level, and the centre of mass beside them.  Such a pose
+is hard or impossible to hold, because a straight leg cannot push.  This module bends the knees, and moves the joints
+between the feet and the rest as little as necessary to level the feet below the centre of mass.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ _STEP, _FAR = 1e-6, 0.2
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A place that may touch the floor: a point of a body, or a ball about one.
+    """A point that may touch the floor: a point of a body, or a ball about one.
 
     Attributes:
-        body: its number.
-        at: in the body's frame, in m.
-        radius: of the ball, in m.
+        body: index of the body.
+        at: position in the body's frame, in m.
+        radius: radius of the ball, in m.
         friction: sliding friction on the floor.
-        written: how the language names it.
-        resists: the path of its geom, where that has friction against turning and rolling, and a name.
+        written: its name in the language.
+        resists: the path of its geom, if that has a name and friction against turning and rolling.
     """
 
     body: int
@@ -66,7 +66,7 @@ class Spot:
 
 
 class Stance:
-    """What of a model may stand on its floor, and how high that is in its poses.
+    """The parts of a model that can stand on its floor, and its height in its poses.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Stance:
         return np.array([np.broadcast_to(np.asarray(value, float), q.shape[1:]) for value in values])
 
     def _seen(self, q: Matrix, spots: Sequence[Spot]) -> tuple[Matrix, Matrix]:
-        """(3, spots, k) the lowest places of spots in k poses, and (3, k) the centre of mass."""
+        """(3, spots, k) the lowest points of spots in k poses, and (3, k) the centre of mass."""
         dynamics = self.scope.dynamics
         bodies = [
             part
@@ -115,7 +115,7 @@ class Stance:
     # --------------------------------------------------------------------- spots
 
     def _spots(self) -> Iterator[Spot]:
-        """Places of all geoms that move, may touch something and belong to a body with a name."""
+        """Points of all moving geoms with contacts whose body has a name."""
         mechanism, dynamics = self.mechanism, self.scope.dynamics
         for index, geom in enumerate(mechanism.geoms):
             name = mechanism.bodies[geom.body].name
@@ -138,7 +138,7 @@ class Stance:
                 yield Spot(geom.body, (x, y, z), radius, friction, written or place + ball, resists)
 
     def lowest(self, near: float) -> list[Spot]:
-        """The places that are lowest in the pose to look at, of bodies that carry no others that are.
+        """The lowest points in the given pose, on bodies that carry no other body with such points.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ class Stance:
         return [spot for spots in by_body.values() for spot in self._three(spots)]
 
     def _three(self, spots: Sequence[Spot]) -> Sequence[Spot]:
-        """Of the places of one body the three that span most: what a fourth one bears nothing determines."""
+        """The three points of a body that span the largest area; more points would not determine their forces."""
         if len(spots) < 4:
             return spots
         places, _ = self._seen(self.start[:, None], spots)
@@ -186,7 +186,7 @@ class Stance:
     # --------------------------------------------------------------------- poses
 
     def _inside(self, room: float) -> dict[int, float]:
-        """Joints that the pose has beyond the end of their range or within a share of it, and a value inside."""
+        """Joints that are outside of their range or close to its end in the pose, and a value inside."""
         found = {}
         for index, joint in enumerate(self.mechanism.joints):
             if joint.limited and joint.kind in ("hinge", "slide"):
@@ -198,7 +198,7 @@ class Stance:
         return found
 
     def changes(self, q: Matrix | None = None) -> list[tuple[str, float]]:
-        """The paths of joints that a pose has elsewhere than the model's own, and their values.
+        """The paths and values of joints that differ from the model's own pose.
 
         Parameters
         ----------
@@ -213,27 +213,27 @@ class Stance:
         ]
 
     def bent(self) -> Matrix:
-        """The pose with joints at an end of their range moved inside: straight legs that stand are singular."""
+        """The pose with joints at an end of their range moved inside, since straight legs are singular."""
         q = self.start.copy()
         for index, value in self._inside(_AT_END).items():
             q[self.mechanism.joints[index].qpos] = value
         return q
 
     def balances(self, spots: Sequence[Spot]) -> bool:
-        """Whether the pose to look at stands on some places as it is."""
+        """Whether the given pose stands on some points without changes."""
         places, centre = self._seen(self.start[:, None], spots)
         heights = self.up @ places[:, :, 0]
         flat = self._flat(places[:, :, 0])
         return bool(np.ptp(heights) < 1e-3 and _encloses(flat, self._flat(centre)[:, 0]))
 
     def _flat(self, places: Matrix) -> Matrix:
-        """(2, k) places seen from above."""
+        """(2, k) points projected to the floor."""
         side = np.cross(self.up, [0.0, 1.0, 0.0] if abs(self.up[1]) < 0.9 else [1.0, 0.0, 0.0])
         side = side / np.linalg.norm(side)
         return np.array([side, np.cross(self.up, side)]) @ places
 
     def balanced(self, spots: Sequence[Spot]) -> Matrix | None:
-        """A pose that balances on some places, (nq,); None where none is found.
+        """A pose that balances on some points, (nq,); None if none is found.
 
         The places are level and the centre of mass is above the middle of them.  Damped least squares, from the pose
         with its joints bent.
@@ -257,7 +257,7 @@ class Stance:
         return None
 
     def _off(self, q: Matrix, spots: Sequence[Spot]) -> Matrix:
-        """(spots + 2, k) by how much places are not level and the centre of mass is not above their middle, in m."""
+        """(spots + 2, k) the heights of the points and the distance of the centre of mass from their middle, in m."""
         places, centre = self._seen(q, spots)
         heights = np.einsum("i,isk->sk", self.up, places)
         beside = self._flat(centre) - np.array([self._flat(p) for p in np.moveaxis(places, 1, 0)]).mean(
@@ -266,7 +266,7 @@ class Stance:
         return np.vstack([heights - heights.mean(axis=0), beside])
 
     def _ranges(self, joints: Sequence[int]) -> tuple[Matrix, Matrix]:
-        """The ends of joints' ranges, with a little room to move."""
+        """The ends of joints' ranges, with a small margin."""
         ends = []
         for k in joints:
             joint = self.mechanism.joints[k]
@@ -277,7 +277,7 @@ class Stance:
         return low, high
 
     def _between(self, spots: Sequence[Spot]) -> list[int]:
-        """Hinges and slides above places, those that carry the whole model left out."""
+        """Hinges and slides between the points and the rest, without those that carry the whole model."""
         bodies, found = self.mechanism.bodies, set()
         for spot in spots:
             for body in (spot.body, *self._above(spot.body)):
@@ -287,7 +287,7 @@ class Stance:
 
 
 def _encloses(places: Matrix, point: Matrix) -> bool:
-    """Whether places in the plane, (2, k), have a point well inside of them."""
+    """Whether the convex hull of points in the plane, (2, k), has a sufficiently large interior."""
     if places.shape[1] < 3:
         return False
     middle = places.mean(axis=1)
@@ -299,7 +299,7 @@ def _encloses(places: Matrix, point: Matrix) -> bool:
 
 
 def _lowest(geom: Geom, axes: Matrix, up: Matrix) -> list[tuple[Matrix, float, str]]:
-    """Places of a geom that may be its lowest, in its frame; the radius of a ball about each; its name, if it has one.
+    """The candidate lowest points of a geom in its frame; the radius of a ball about each; its name, if it has one.
 
     Args:
         axes: of the geom in the world, as columns.

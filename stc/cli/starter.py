@@ -1,4 +1,4 @@
-"""The spec that ``stc new`` writes: small, commented, and one that solves and validates as it stands."""
+"""The spec that ``stc new`` writes: short, commented, and ready to solve and validate."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ replay:
 
 
 def write(name: str, model: str | None = None) -> Path:
-    """Write the starter spec as ``NAME.stc``; a name may be a path, whose folders are made.
+    """Write the starter spec as ``NAME.stc``; a name may be a path, whose folders are created.
 
     Args:
-        name: of the spec.
-        model: a model file that it is to move, instead of the particle.
+        name: name of the spec.
+        model: a model file for the spec, in place of the particle.
 
     Raises:
         UsageError: the file exists, or the name is none for a spec.

@@ -1,4 +1,4 @@
-"""What ``stc sweep`` does: a spec solved and judged for all combinations of values of some constants."""
+"""The command ``stc sweep``: solve and judge a spec for all combinations of values of some constants."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def run(
     replay: bool,
     as_json: bool,
 ) -> int:
-    """Sweep and show what was found; good when every point has an optimum that no replay failed.
+    """Sweep and print the results; the exit status is good if every point has an optimum that did not fail in a replay.
 
     Raises:
         UsageError, SpecError: as :func:`stc.sweeps.sweep`.
@@ -90,7 +90,7 @@ def run(
 
 
 def _told(found: Sweep | None, name: str, folder: Path, why: str, as_json: bool) -> int:
-    """Say what has been found; ``why`` not all of it, if so."""
+    """Print the results, and ``why`` they are incomplete if they are."""
     from stc.sweeps.folder import is_good
 
     facts = {} if found is None else found.facts

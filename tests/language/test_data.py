@@ -95,7 +95,7 @@ def test_a_slope_is_solved_for(tmp_path: Path) -> None:
         ("x;y\n0,5;1", "the decimal point is a `.`"),
         ("x,y\n0,5,1,5", "if these are decimal commas, write points"),
         ("x,y\nm,N\n0,1", "if the line contains units, begin it with `#`"),
-        ("x,y\n0,1\n1,NA", "where there is none, leave the cell empty"),
+        ("x,y\n0,1\n1,NA", "leave a cell without a number empty"),
         ("x,y\n0,1,\n", "take away the `,` at the end of the line"),
         (",x,y\n0,0,1", "`to_csv(..., index=False)`"),
         ("sep=;\nx;y\n0;1", "take the line `sep=` away"),
