@@ -137,7 +137,9 @@ class Ending:
         self._solved: Solution | None = None
 
     def noting(self, solve: Callable[..., Solution]) -> Callable[..., Solution]:
-        """A wrapper of a solve that keeps the last optimal solution (else the first one) in case the search is ended."""
+        """A wrapper of a solve that keeps the last optimal solution (else the first one) in case the search is
+        stopped.
+        """
 
         def noted(**options: Any) -> Solution:
             solution = solve(**options)

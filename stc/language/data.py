@@ -1,4 +1,4 @@
-"""What `data:` declares: columns of numbers, the functions that tables make of them, and recorded motions."""
+"""The declarations of `data:`: columns of numbers, tables as functions, and recorded motions."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ _FORGIVEN = 1e-9
 
 
 class Data:
-    """The data of a spec, read and checked; mistakes are noted.
+    """The data of a spec, read and checked; mistakes are added.
 
     Attributes:
         sets: columns of numbers by name.
         tables: functions by name.
-        structural: the constants that numbers of the spec were worked out from.
+        structural: the constants from which numbers in the spec were computed.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class Data:
         return replace(known, columns=columns, structural=frozenset(structural))
 
     def _used(self, cells: Iterable[syntax.Expression]) -> frozenset[str]:
-        """The constants that some numbers were worked out from, which are noted."""
+        """The constants from which some numbers were computed, which are recorded."""
         used = {name for cell in cells for name in syntax.names(cell) if name in self.constants.values}
         for name in used:
             if name in self.names.entries:
@@ -131,7 +131,7 @@ class Data:
         return structural
 
     def warn_of_leaps(self, data: str, column: str, start: int, end: int) -> None:
-        """Tell once of a column that is followed or measured and leaps by whole turns."""
+        """Warn once of a column that is tracked or measured and jumps by whole turns."""
         if (data, column) not in self._leaping:
             self._leaping.add((data, column))
             found = remark(self.sets[data], column)
@@ -184,7 +184,7 @@ class Data:
         return value
 
     def column(self, path: syntax.Name) -> tuple[DataSet, str, FloatArray] | None:
-        """The column that a path names; None after a mistake, which is noted."""
+        """The column that a path names; None after a mistake, which is added."""
         word, name = split_path(path.name)
         if word in self._damaged or word in self.tree.damaged:
             return None
@@ -382,11 +382,11 @@ class Data:
     # ---- recorded motions ------------------------------------------------------------------------------------------
 
     def reference(self, path: syntax.Name) -> tuple[TableRef, TableRef, bool] | None:
-        """A column as a function of time; None after a mistake, which is noted.
+        """A column as a function of time; None after a mistake, which is added.
 
         Returns:
-            the function, bridged by straight lines over gaps; one that is 1 where the column has numbers and 0 where it
-            has none; whether it has gaps between its first number and its last.
+            the function, with straight lines over gaps; a function that is 1 where the column has numbers and 0
+            elsewhere; whether it has gaps between its first number and its last.
         """
         found = self.column(path)
         if found is None:
@@ -431,14 +431,14 @@ class Data:
         return curve, weight, len(runs) > 1
 
     def weight_of(self, ref: TableRef) -> tuple[TableRef, bool]:
-        """Of a function of time, where it has numbers, and whether there are gaps between."""
+        """For a function of time, the function that is 1 where it has numbers, and whether there are gaps."""
         for found in self._references.values():
             if found is not None and found[0] == ref.base:
                 return found[1], found[2]
         raise KeyError(ref.name)
 
     def guessed(self, node: syntax.GuessFrom, variables: Iterable[str]) -> list[tuple[str, TableRef]]:
-        """The variables that have a column in a data set, by the same name or less `joint.`; mistakes are noted."""
+        """The variables that have a column in a data set, of the same name or without `joint.`; mistakes are added."""
         name = node.name.name
         data = self.sets.get(name)
         if data is None:
@@ -466,12 +466,12 @@ class Data:
 
 
 def _falls(places: FloatArray) -> bool:
-    """Whether places are listed from the last one down, each told apart from the next."""
+    """Whether points are in decreasing order, each different from the next."""
     return bool((np.diff(places) < 0.0).all()) and too_near(places[::-1]) is None
 
 
 def _no_column(data: DataSet, name: str, path: syntax.Name) -> tuple[str, int, int, str]:
-    """What to say of a column that is not there."""
+    """The message for a column that does not exist."""
     listed = ", ".join(shortened([f"`{each}`" for each in data.columns]))
     hint = did_you_mean(name, data.columns) or f"its columns are {listed}"
     if not name:

@@ -1,8 +1,8 @@
-"""A syntax tree and the numbers given from outside make a problem.
+"""From a syntax tree and the constants given by the caller to a problem.
 
-The sections are worked through in the order in which they need each other, whatever their order in the file:
-names, constants, method, jumps, definitions, then constraints, objective, guesses and replay lines.  A
-mistake is noted and work goes on; at the end all mistakes are raised together.
+The sections are processed in the order of their dependencies, whatever their order in the file: names, constants,
+method, jumps, definitions, then constraints, objective, guesses and replay lines.  A mistake is added and processing
+continues; at the end all mistakes are raised together.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def elaborate(
     """The problem that a spec states.
 
     Args:
-        tree: what :func:`stc.language.parser.parse` gave.
-        overrides: values of constants by name; they win over the file's.
+        tree: the result of :func:`stc.language.parser.parse`.
+        overrides: values of constants by name; they replace the file's.
         method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``; wins over the file's.
 
     Raises:
@@ -73,7 +73,7 @@ def elaborate(
 def elaborate_with_recovery(
     tree: syntax.SpecTree, overrides: Mapping[str, float], method: str | None, diagnostics: Diagnostics
 ) -> Problem | None:
-    """As :func:`elaborate`, but mistakes are added to ``diagnostics``; None where they leave no problem."""
+    """As :func:`elaborate`, but mistakes are added to ``diagnostics``; None if they leave no problem."""
     if method is not None and method not in METHODS:
         raise UsageError(
             f"there is no method `{method}`",
@@ -353,7 +353,7 @@ class _Elaborator(Context):
                     self.diagnostics.warning(message, statement.start, statement.end, hint)
 
     def _structural(self, e: Expr) -> float | None:
-        """The value of an expression of constants, which then shape the problem; None of others."""
+        """The value of an expression of constants, which then becomes structural; None for other expressions."""
         values: dict[object, float] = {}
         for key in symbols(e):
             value = self.positions.structural_value(key.name) if isinstance(key, ConstantRef) else None
@@ -363,7 +363,7 @@ class _Elaborator(Context):
         return float(evaluate(e, values))
 
     def _has_model(self, pose: syntax.Pose) -> bool:
-        """Whether poses mean something; else that is noted."""
+        """Whether poses have a meaning; otherwise a mistake is added."""
         if self.model_statements is None and not any(self.tree.blocks("model")):
             hint = 'poses are those of a model: name it, as in `model: "robot.xml";`'
             self.error(pose, f"`{pose.base.name}` is not declared", hint)
@@ -385,7 +385,7 @@ class _Elaborator(Context):
         return counted_where_known(integrand, self.data, self.builder.pieces)
 
     def _reads_gaps(self, body: Expr, where: FrameRange, node: syntax.Node) -> bool:
-        """Whether a statement reads a recording at a time where it has a gap, which is noted."""
+        """Whether a statement reads a recording in one of its gaps, which is a mistake."""
         if self.data is None:
             return False
         from stc.language.recorded import first_gap, references
@@ -430,13 +430,13 @@ class _Elaborator(Context):
         return found
 
     def _stands_on_rows(self, body: Expr, integral: bool, rows: str, node: syntax.Node) -> bool:
-        """Whether a term has a value on each row of a data set; mistakes are noted."""
+        """Whether a term has a value on each row of a data set; mistakes are added."""
         from stc.language.measurements import stands_on_rows
 
         return stands_on_rows(self, body, integral, rows, node)
 
     def _placing(self, step: Expr, objective: Sequence[ObjectiveTerm]) -> frozenset[str]:
-        """The constants that decide where the rows of data are among the frames."""
+        """The constants that determine the positions of data rows among the frames."""
         if not any(term.rows for term in objective):
             return frozenset()
         from stc.language.measurements import placing_rows

@@ -1,4 +1,4 @@
-"""Numbers from syntax: expressions of constants, and positions that are affine in the index ``i``."""
+"""Numbers from syntax: expressions of constants, and indices that are affine in ``i``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MATH: dict[str, Callable[..., float]] = {name: getattr(math, name) for name in 
 
 
 class NotANumber(Exception):
-    """An expression has no value: where, why, and what to do about it."""
+    """An expression without a value: its position, the reason, and a hint."""
 
     def __init__(self, node: syntax.Node, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -25,7 +25,7 @@ class NotANumber(Exception):
 
 
 class Unknown(Exception):
-    """An expression has no value because of a mistake that has been noted elsewhere."""
+    """An expression without a value because of a mistake that was added elsewhere."""
 
 
 Resolve = Callable[[syntax.Name], tuple[float, float]]
@@ -36,8 +36,8 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
     """``(a, b)`` such that the expression is ``a*i + b``.
 
     Raises:
-        NotANumber: it is not affine in ``i``, is no real number, or holds something that has no fixed value.
-        Unknown: a name in it has no value, for a reason that was noted already.
+        NotANumber: it is not affine in ``i``, is not a real number, or contains something without a fixed value.
+        Unknown: a name in it has no value, for a reason that was added already.
     """
     if isinstance(node, syntax.Number):
         return 0.0, node.value
@@ -104,7 +104,7 @@ def _plain(node: syntax.Expression, resolve: Resolve) -> float:
 
 
 def _checked(node: syntax.Expression, a: float, b: float, endless: bool) -> tuple[float, float]:
-    """The same where it is a number; infinite only where something in it is (``endless``)."""
+    """The value if it is a number; infinity is allowed only if the expression contains it (``endless``)."""
     if math.isnan(a) or math.isnan(b):
         raise NotANumber(node, "this has no value (infinity less infinity, or zero times infinity)")
     if math.isinf(a) or (math.isinf(b) and not endless):
@@ -136,7 +136,7 @@ def arity_message(function: str, given: int) -> str:
 
 
 def exact(value: float) -> Fraction | int | None:
-    """The fraction that a number means, rounding noise forgiven; None when there is no simple one."""
+    """The fraction that a number represents up to rounding; None if there is no simple one."""
     if not math.isfinite(value):
         return None
     nearest = round(value)

@@ -1,7 +1,7 @@
-"""The syntax tree: what the text says, before any name is looked up.
+"""The syntax tree of a text, before names are resolved.
 
-Every node knows its characters (``start``, ``end``); two nodes are equal when they say the same, wherever
-they stand.  Sums and products are held flat, as written between one pair of parentheses, so that a sum of a
+Every node has the position of its characters (``start``, ``end``); two nodes are equal if their content is, whatever
+their position.  Sums and products are held flat, as written between one pair of parentheses, so that a sum of a
 thousand terms is no deeper than one of two.
 """
 
@@ -170,8 +170,8 @@ class Assignment(Node):
 class Relation(Node):
     """``e``, ``a = b``, ``a <= b``, ``lo <= e <= hi``, ...: operands with the operators between them.
 
-    ``written`` is the text of a relation that stands for another statement; else it is at its place in the spec.
-    ``complementary`` marks the product of what the two statements before it have to spare.
+    ``written`` is the text of a relation that was generated from another statement; otherwise its text is in the spec.
+    ``complementary`` marks the product of the two statements before it.
     """
 
     operands: list[Expression]
@@ -352,8 +352,8 @@ class Section(Node):
 class SpecTree:
     """A whole file.
 
-    ``damaged`` holds the names in declarations that could not be read, so that their uses are not called
-    undeclared on top.  ``models`` is for :func:`stc.language.model.scope.model_of`, which reads a model once.
+    ``damaged`` holds the names in declarations that could not be read, so that their uses are not reported as
+    undeclared.  ``models`` is for :func:`stc.language.model.scope.model_of`, which reads a model once.
     """
 
     source: Source

@@ -1,11 +1,11 @@
-"""Contact that nobody schedules: when a point or a sole touches is left to the solver.
+"""Contact without a schedule: the solver decides when a point or a sole touches.
 
-At the end of every step pairs decide of which each is a force and what it works against.  A point pushes only where it
-touches: its gap g and its pressure p are not negative, and g p = 0.  Friction f is within Coulomb's cone, |f| <= mu p.
+The laws hold at the end of every step, as products of a force and a conjugate quantity.  A point pushes only while it
+touches: its gap g and its pressure p are nonnegative, and g p = 0.  Friction f is within Coulomb's cone, |f| <= mu p.
 
-As under a schedule a point does not slip where it touches: p v = 0, with the velocity v along the surface, in that step
-and in the next one, lest it comes down on every other frame and slips in between.  A sole stands flat: its gap is that
-of all corners, and its wrench in the cone of a rectangle.  A point that ``slides`` may move, and then friction
+As with a schedule, a point does not slip while it touches: p v = 0, with the velocity v along the surface, in that step
+and in the next one; otherwise it would touch down on every other frame and slip between.  A sole stands flat: its gap
+is that of all corners, and its wrench in the cone of a rectangle.  A point that ``slides`` may move, and then friction
 dissipates the most it can: with the speed s,
 
     |v| <= s,    f.v + mu p s = 0
@@ -45,7 +45,7 @@ RATE = 10.0
 
 
 def laws(contacts: Contacts) -> Iterator[Relation]:
-    """The relations of gap, pressure and friction that stand for the contacts under ``free:``."""
+    """The relations of gap, pressure and friction for the contacts under ``free:``."""
     for contact, found in zip(contacts.free(), free_contacts(contacts), strict=True):
         assert contact.free is not None
         yield from _laws(contacts, contact, contact.free, found)
@@ -53,7 +53,7 @@ def laws(contacts: Contacts) -> Iterator[Relation]:
 
 
 def free_contacts(contacts: Contacts) -> list[FreeContact]:
-    """What tells of each contact that is free how it touches and moves."""
+    """The gap, pressure and slip of each free contact."""
     found = []
     for contact in contacts.free():
         phase = contact.free
@@ -71,7 +71,7 @@ def free_contacts(contacts: Contacts) -> list[FreeContact]:
 
 
 def is_relaxed(contacts: Contacts) -> bool:
-    """Whether a constant tells how far free contacts may be off their laws."""
+    """Whether a constant relaxes the laws of free contacts."""
     found = zip(contacts.free(), free_contacts(contacts), strict=True)
     return any(not _by_pairs(contact, one) for contact, one in found)
 
@@ -118,7 +118,7 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
 
 
 def _along(contact: Contact, found: FreeContact) -> list[tuple[Expr, Expr]]:
-    """The force and the velocity of a contact along each axis of its surface along which it can move."""
+    """The force and the velocity of a contact along each axis of its surface in which it can move."""
     assert contact.free is not None
     force = _force(contact)
     return [
@@ -129,14 +129,14 @@ def _along(contact: Contact, found: FreeContact) -> list[tuple[Expr, Expr]]:
 
 
 def _by_pairs(contact: Contact, found: FreeContact) -> bool:
-    """Whether complementary pairs state the laws of a contact: where it may slide, along one line."""
+    """Whether the laws of a contact are complementary pairs: if it may slide along one line."""
     return contact.says("slides") and len(_along(contact, found)) == 1
 
 
 def _pairs(
     contact: Contact, found: FreeContact, where: FrameRange, friction: Expr, force: Expr, rate: Expr
 ) -> Iterator[Relation]:
-    """Touching and sliding along a line, each side in a unit of its own: shares of the weight, m and 10 m/s."""
+    """Touching and sliding along a line, each side scaled: by the weight, 1 m and 10 m/s."""
 
     def pair(one: Expr, other: Expr, text: str) -> list[Relation]:
         return complementary_relations(
@@ -154,7 +154,7 @@ def _pairs(
 
 
 def _first_frame(contact: Contact, found: FreeContact) -> Iterator[Relation]:
-    """Nothing acts before the first step: what frame 0 is given is that step's."""
+    """No forces before the first step: values at frame 0 are those of that step."""
     where = FrameRange(0, 0)
     for name in (*contact.forces, *([contact.slip] if contact.says("slides") else [])):
         body = sub(sym(VariableRef(name)), sym(VariableRef(name, 0, 1, 1)))
@@ -167,6 +167,6 @@ def _force(contact: Contact) -> Vector:
 
 
 def _in_the_next_step(e: Expr) -> Expr:
-    """What an expression is at the end of the step after."""
+    """The value of an expression at the end of the next step."""
     keys = [key for key in symbols(e) if isinstance(key, VariableRef)]
     return substitute(e, {key: sym(replace(key, shift=key.shift + 1)) for key in keys})

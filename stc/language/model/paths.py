@@ -1,4 +1,4 @@
-"""Paths of a model's things as expressions: ``body.torso.x``, ``site.foot.vz``, ``com.torso.x`` and their like."""
+"""Paths of model elements as expressions: ``body.torso.x``, ``site.foot.vz``, ``com.torso.x`` and others."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ KINDS = ("body", "site", "geom")
 
 
 class Paths:
-    """Makes expressions of paths.
+    """Turns paths into expressions.
 
     Attributes:
-        derivatives: time derivatives of the places and velocities that have been asked for, which recursions along the
-            tree give with fewer operations than the chain rule would.
+        derivatives: time derivatives of the requested positions and velocities, from recursions along the tree, which
+            need fewer operations than the chain rule.
     """
 
     def __init__(self, scope: ModelScope, derivatives: dict[Expr, Expr]) -> None:
@@ -39,7 +39,7 @@ class Paths:
         self._known: dict[str, Expr] = {}
 
     def is_word(self, name: str) -> bool:
-        """Whether a plain name is a word that the model gives a meaning."""
+        """Whether a plain name has a meaning in a spec with a model."""
         return name in WORDS
 
     def is_orientation(self, name: str) -> bool:
@@ -81,7 +81,7 @@ class Paths:
         return index_of(self.scope.mechanism.bodies, name) or 0
 
     def _centre(self, path: str, body: int, field: str) -> Expr:
-        """A field of the centre of mass of a body and all that hangs on it."""
+        """A field of the centre of mass of a body with all its descendants."""
         dynamics = self.scope.dynamics
         at, velocity = dynamics.centre_of_mass(body), dynamics.centre_velocity(body)
         for e, rate in zip(at, velocity, strict=True):
@@ -162,7 +162,7 @@ class Paths:
         return self._field("point(...)", self.point(call, at)[0], fields)
 
     def place(self, frame: Frame) -> tuple[Vector, Vector, Vector]:
-        """Place, velocity and acceleration of a frame's origin in the world; each is the derivative of the one
+        """Position, velocity and acceleration of a frame's origin in the world; each is the derivative of the one
         before.
         """
         kinematics = self.scope.dynamics.kinematics
@@ -201,7 +201,7 @@ class Paths:
         )
 
     def _word(self, word: str) -> Expr:
-        """`effort`: the sum of the squared forces that actuators give to joints; `power`: of these times velocity."""
+        """`effort`: the sum of the squared forces of actuators on joints; `power`: the sum of these times velocity."""
         dynamics = self.scope.dynamics
         given = dynamics.actuation()
         others = given if word == "effort" else dynamics.motion.v
