@@ -1,4 +1,5 @@
-"""A mechanism as plain data: what MuJoCo has compiled from a model file, in its order and its units (m, kg, s, rad).
+"""A mechanism as plain data: the numbers that MuJoCo compiles from a model file, in its order and units (m, kg, s,
+rad).
 
 Indices refer to the tuples of :class:`Mechanism`.  Body 0 is the world.  Quaternions have the real part first.  What is
 a number here is exactly the number that MuJoCo computes with.
@@ -22,7 +23,7 @@ FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where an element stands in the model file or in one that it includes; lines count from 1."""
+    """The position of an element in the model file or an included file; lines count from 1."""
 
     file: str
     line: int
@@ -37,7 +38,7 @@ class Body:
 
     Attributes:
         name: as in the model; one without a name is called ``body`` and its index.
-        parent: the body that it hangs on; 0 for the world, also of the world itself.
+        parent: its parent body; 0 for the world, also for the world itself.
         pos, quat: its frame in its parent's, where its joints are at their reference.
         mass, com, inertia_quat, inertia: kg; the centre of mass in the body's frame; the principal axes there, and the
             moments about them, kg m^2.
@@ -62,7 +63,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A joint, which lets its body move against its parent.
+    """A joint, which lets its body move relative to its parent.
 
     Attributes:
         name: as in the model; one without a name is called by its body.
@@ -170,7 +171,7 @@ class Site:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One thing on a tendon's way.
+    """One element of a tendon's path.
 
     Attributes:
         kind: ``joint``, ``site``, ``pulley``, ``sphere`` or ``cylinder``.
@@ -288,7 +289,7 @@ class Equality:
 
 @dataclass(frozen=True, slots=True)
 class Keyframe:
-    """A named state."""
+    """A named state of the model."""
 
     name: str
     time: float
@@ -312,7 +313,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What holds for the whole model; ``disabled`` and ``enabled`` are MuJoCo's flags in lower case."""
+    """Options of the whole model; ``disabled`` and ``enabled`` are MuJoCo's flags in lower case."""
 
     gravity: Triple
     wind: Triple
@@ -329,7 +330,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """A whole model, but for what its options switch off: see :mod:`stc.mechanism.switches`.
+    """A whole model, without the elements that its options switch off: see :mod:`stc.mechanism.switches`.
 
     Attributes:
         source: the file, or ``<text>``.
@@ -363,11 +364,11 @@ class Mechanism:
 
     @property
     def start(self) -> tuple[float, ...]:
-        """The coordinates in the pose that the file draws."""
+        """The coordinates in the pose of the file."""
         return tuple([value for joint in self.joints for value in joint.reference])
 
     def below(self, body: int) -> list[int]:
-        """A body and all that hang on it, ascending."""
+        """A body and all its descendants, in ascending order."""
         found = {body}
         for index in range(body + 1, len(self.bodies)):
             if self.bodies[index].parent in found:
@@ -379,5 +380,5 @@ _Named = TypeVar("_Named", Body, Joint, Geom, Site, Tendon, Actuator, Equality, 
 
 
 def index_of(things: Iterable[_Named], name: str) -> int | None:
-    """The position of the thing with a name, None where there is none."""
+    """The index of the element with a name, None if there is none."""
     return next((index for index, thing in enumerate(things) if thing.name == name), None)

@@ -1,6 +1,6 @@
-"""Reads a model file with MuJoCo's own reader and compiler, MJCF or URDF, into plain data.
+"""Read a model file, MJCF or URDF, with MuJoCo's own reader and compiler into plain data.
 
-Nothing of MuJoCo is left in the result but numbers.
+The result contains numbers only, and no objects of MuJoCo.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 class ModelFileError(StcError):
-    """A model cannot be read; the message carries MuJoCo's own."""
+    """A model cannot be read; the message includes MuJoCo's own."""
 
 
 def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mechanism:
@@ -79,7 +79,9 @@ def _is_urdf(source: str | os.PathLike[str]) -> bool:
 def _compiled(
     source: str | os.PathLike[str], text: str | None
 ) -> tuple[mujoco.MjModel, Any, tuple[str, ...]]:
-    """A compiled model, its description, and what MuJoCo has said, which would go to a file ``MUJOCO_LOG.TXT``."""
+    """A compiled model, its description, and MuJoCo's messages, which would otherwise go to a file
+    ``MUJOCO_LOG.TXT``.
+    """
     import mujoco
 
     said: list[str] = []
@@ -104,7 +106,7 @@ def _floats(values: Any) -> tuple[Any, ...]:
 
 
 class _Reader:
-    """From a compiled model, and the description that knows the lines of its elements."""
+    """Reads a compiled model, and the description with the lines of its elements."""
 
     def __init__(self, model: mujoco.MjModel, spec: Any, places: Places) -> None:
         self.m = model
@@ -172,7 +174,7 @@ class _Reader:
         return mujoco.mj_id2name(self.m, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), index) or ""
 
     def _names(self, kind: str, count: int, called: Callable[[int], str]) -> list[str]:
-        """Names of all elements of a kind; those without one are ``called`` something, numbered where that is taken."""
+        """Names of all elements of a kind; an element without one gets a default name, numbered if that is taken."""
         names = [self._name(kind, index) for index in range(count)]
         taken = set(names)
         for index, name in enumerate(names):
@@ -263,7 +265,7 @@ class _Reader:
         return tuple(joints)
 
     def _softness(self, solref: Sequence[float], solimp: Sequence[float]) -> tuple[float, float]:
-        """How MuJoCo's dry friction gives way: the damping of what slips, 1/s, and the softness of an inertia of 1."""
+        """The compliance of MuJoCo's dry friction: the damping of slip, 1/s, and the softness for an inertia of 1."""
         import mujoco
 
         least, most = [min(max(float(d), mujoco.mjMINIMP), mujoco.mjMAXIMP) for d in solimp[:2]]
@@ -416,7 +418,7 @@ class _Reader:
         return tuple(actuators)
 
     def _inputs(self, actuator: int) -> tuple[str, ...]:
-        """What the controls of a controller or an electric motor are."""
+        """The names of the controls of a controller or an electric motor."""
         import mujoco
 
         if _member("mjtGain", "mjGAIN_", self.m.actuator_gaintype[actuator]) not in ("pid", "dcmotor"):
@@ -427,7 +429,7 @@ class _Reader:
         return tuple([named[bit] for bit in sorted(named) if named[bit] != "none"])
 
     def _acts_on(self, actuator: int) -> str:
-        """What an actuator without a name is called by."""
+        """The name of an unnamed actuator."""
         m = self.m
         kind = _member("mjtTrn", "mjTRN_", m.actuator_trntype[actuator])
         target = int(m.actuator_trnid[actuator][0])
@@ -498,7 +500,7 @@ class _Reader:
         )
 
     def _others(self) -> tuple[tuple[str, str, Place | None], ...]:
-        """Flexes, and plugins that may exert forces by themselves: shapes and sensors do not, actuators say so."""
+        """Flexes, and plugins that can exert forces by themselves."""
         m, found = self.m, list[tuple[str, str, Place | None]]()
         for element in list(self.spec.flexes)[: m.nflex]:
             place = self.places.of(element.info, "flex", element.name)

@@ -1,4 +1,4 @@
-"""NLopt's algorithms: what each can do, and whether that is what a problem needs.
+"""NLopt's algorithms, and the kinds of problems that each can solve.
 
 An optimizer is called ``nlopt:NAME``, or ``nlopt:NAME:LOCAL`` for those that hand subproblems to a second
 algorithm: ``nlopt:slsqp``, ``nlopt:auglag:tnewton``, ``nlopt:mlsl``.
@@ -20,7 +20,7 @@ LARGE = 500
 
 @dataclass(frozen=True, slots=True)
 class Algorithm:
-    """What an algorithm of NLopt can do.
+    """The properties of an algorithm of NLopt.
 
     Attributes:
         constant: its name in NLopt.
@@ -131,7 +131,7 @@ class Choice:
 
 
 def choose(name: str) -> Choice:
-    """The algorithm that ``nlopt:NAME`` or ``nlopt:NAME:LOCAL`` means.
+    """The algorithm named by ``nlopt:NAME`` or ``nlopt:NAME:LOCAL``.
 
     Raises:
         UsageError: there is no such algorithm, or it takes no local one.
@@ -163,7 +163,7 @@ def _named(name: str, whole: str) -> Algorithm:
 
 
 def require(choice: Choice, nlp: NLP) -> None:
-    """Refuse a problem that an algorithm cannot take.
+    """Refuse a problem that an algorithm cannot solve.
 
     Raises:
         UsageError: with what is in the way and which algorithms take it.
@@ -213,7 +213,7 @@ def _who(can: object) -> str:
 
 
 def caution(choice: Choice, nlp: NLP) -> str:
-    """What to be warned of before a solve, or ""."""
+    """A warning before a solve, or ""."""
     unknowns = _unknowns(nlp)
     if unknowns <= LARGE:
         return ""

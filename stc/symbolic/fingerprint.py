@@ -1,4 +1,4 @@
-"""Fingerprints: what an expression is worth at one random point of a finite field.
+"""Fingerprints: the value of an expression at one random point of a finite field.
 
 Two expressions that are equal as polynomials have equal fingerprints, however they are written; two that differ
 have different ones but for a chance of about their degree in 2^61 (Schwartz, J. ACM 27, 1980; for expressions,

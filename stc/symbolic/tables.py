@@ -1,13 +1,13 @@
 """Functions given by tables: piecewise polynomials of one or two arguments, as numbers and as leaves of expressions.
 
 Between neighbouring abscissae a function of one argument is a cubic polynomial, in a variable that is zero at the left
-one.  Outside of the table there are two more pieces, so that what holds there is a matter of numbers and not of code.
+one.  There are two more pieces outside of the table, so that extrapolation needs no special code.
 A function of two arguments is the same thing twice: interpolation is linear in what is interpolated, so that the
 coefficients along the first argument are themselves interpolated along the second one (de Boor, A Practical Guide to
 Splines, chapter 17).
 
 In an expression a table is a leaf, ``look(x, T)`` its value at ``x`` and ``look(x, at(y, T))`` that of one with two
-arguments: operators have two operands at most, and ``at`` does nothing but to carry the second argument along.  A
+arguments: operators have two operands at most, and ``at`` only carries the second argument.  A
 derivative is the same with another leaf, a :class:`TableRef` of a higher order.
 """
 
@@ -76,8 +76,8 @@ class Axis:
     Attributes:
         begins: where all pieces but the first one begin: the last place itself belongs to the table.
         origins: where each piece's variable is zero.
-        search: 0 where the places are evenly spaced; up to :data:`TOLD` how many places a bucket has at most; else so
-            much and the steps in which a piece is found in its bucket, by halving.
+        search: 0 for evenly spaced points; up to :data:`TOLD` the largest number of points in a bucket; above it, that
+            number plus the bisection steps that find a piece in its bucket.
     """
 
     def __init__(self, x: FloatArray) -> None:
@@ -96,7 +96,7 @@ class Axis:
         self.origins = np.concatenate([[low - self.step] if even else [low], self.x])
 
     def _fill_buckets(self) -> int:
-        """Choose so many buckets that hardly any has several places in it; how these are told apart.
+        """Choose the number of buckets so that hardly any contains several points, and how these are distinguished.
 
         Comparing an argument with two or three places costs less than to wait for a bucket that is not in a cache.
         """
@@ -114,15 +114,15 @@ class Axis:
 
     @property
     def halved(self) -> int:
-        """In how many steps a piece is found in its bucket, by halving; 0 where a bucket tells its places."""
+        """The number of bisection steps that find a piece in its bucket; 0 if a bucket lists its points."""
         return max(self.search - TOLD, 0)
 
     def __len__(self) -> int:
-        """How many pieces there are, those outside included."""
+        """The number of pieces, including those outside."""
         return len(self.x) + 1
 
     def pieces(self, x: Any) -> NDArray[np.intp]:
-        """The number of the piece that each argument lies in."""
+        """The index of the piece that contains each argument."""
         return np.searchsorted(self.begins, np.real(x), side="right")
 
     def storage(self, at: int) -> tuple[FloatArray, FloatArray]:
@@ -272,7 +272,7 @@ class TableRef:
 
 
 class At(NamedTuple):
-    """The value of ``at(y, T)``: a second argument on its way to the table."""
+    """The value of ``at(y, T)``: a second argument for a table."""
 
     second: Any
     ref: TableRef

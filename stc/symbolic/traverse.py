@@ -17,7 +17,7 @@ _by_order = attrgetter("order")
 
 
 def reachable(roots: Iterable[Expr], leaves: Collection[Expr] = ()) -> list[Expr]:
-    """Every node below the roots, themselves included, each once; sorted by ``order``, operands first.
+    """Every node below the roots, including the roots, each once; sorted by ``order``, operands first.
 
     What is below the ``leaves`` alone is left out.
     """

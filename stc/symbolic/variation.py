@@ -23,7 +23,7 @@ from stc.symbolic.node import ONE, ZERO, Expr, add, neg
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """What a Lagrangian gives for one coordinate q: ``momentum`` dL/dq', ``row`` d/dt (dL/dq') - dL/dq."""
+    """The results for one coordinate q: ``momentum`` dL/dq', ``row`` d/dt (dL/dq') - dL/dq."""
 
     momentum: Expr
     row: Expr

@@ -75,7 +75,9 @@ class Contacts(Schedule):
             yield contact, list(zip(contact.forces, rates, strict=True))
 
     def jumps(self) -> list[Jump]:
-        """The jumps: controls where a contact ends or begins, the other contacts' forces too, velocities at an impact."""
+        """The jumps: controls where a contact ends or begins, the other contacts' forces too, velocities at an
+        impact.
+        """
         found: dict[tuple[int, str, int], Jump] = {}
         everything = [force for contact in self.contacts.values() for force in contact.forces]
         for contact in self.contacts.values():
@@ -125,7 +127,9 @@ class Contacts(Schedule):
                 yield from self._flight(contact, before, after)
 
     def _flight(self, contact: Contact, before: Phase | None, after: Phase | None) -> Iterator[Relation]:
-        """The statements of a flight between two phases, before the first, or after the last: no force, and clearance."""
+        """The statements of a flight between two phases, before the first, or after the last: no force, and
+        clearance.
+        """
         first = 0 if before is None else before.frames.last
         last = self.context.n if after is None else after.frames.first
         phase = after or before

@@ -1,4 +1,4 @@
-"""The constraints of held contacts and equalities: every position and velocity at every frame, without redundant rows."""
+"""The constraints of held contacts and equalities: positions and velocities at every frame, without redundant rows."""
 
 from __future__ import annotations
 
