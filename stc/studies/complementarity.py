@@ -1,11 +1,11 @@
-"""Which kind of stationary point a solution with complementary pairs is, and where both sides of a pair are nothing.
+"""The kind of stationary point of a solution with complementary pairs, and the frames where both sides are zero.
 
 With multipliers ``u`` and ``v`` of ``a = 0`` and ``b = 0`` in the program where each is an equation, a point is
-strongly stationary if both are at least 0 wherever both sides are nothing, M-stationary if both are or one is 0,
+strongly stationary if both are at least 0 wherever both sides are zero, M-stationary if both are or one is 0,
 and C-stationary if their product is at least 0 (H. Scheel and S. Scholtes, Mathematical programs with complementarity
 constraints: stationarity, optimality, and sensitivity, Math. Oper. Res. 25, 2000).  Strongly stationary points are
-B-stationary: no direction in which the statements hold, linearised, lowers the objective.  For others that is asked of
-each way to choose sides, by a linear program.
+B-stationary: no direction in which the statements hold, linearised, lowers the objective.  For other points this is
+tested for each choice of sides, by a linear program.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ MOST_SIDES, MOST_UNKNOWNS = 8, 20_000
 
 @dataclass(frozen=True, slots=True)
 class Degenerate:
-    """Where both sides of a pair are nothing.
+    """The frames at which both sides of a pair are zero.
 
     Attributes:
-        statement, place: its text, and where it stands.
-        frames: frame indices, a half more at midpoints; none in a problem without frames.
+        statement, place: its text and position.
+        frames: frame indices, plus one half at midpoints; empty in a problem without frames.
     """
 
     statement: str
@@ -60,14 +60,14 @@ class Degenerate:
 
 @dataclass(frozen=True, slots=True)
 class Complementarity:
-    """How well the pairs of a solution are complementary.
+    """The residual and stationarity of the complementary pairs of a solution.
 
     Attributes:
-        pairs: how many there are.
+        pairs: number of pairs.
         residual: the largest of the smaller sides, relative to max(1, larger side).
         stationarity: ``"strong"``, ``"M"``, ``"C"`` or ``"weak"``.
         b_stationary: whether no direction lowers the objective to first order; None where that is not known.
-        degenerate: the statements both of whose sides are nothing somewhere.
+        degenerate: the statements of which both sides are zero somewhere.
     """
 
     pairs: int
@@ -97,7 +97,7 @@ class Complementarity:
 
 
 def complementarity(solution: Solution) -> Complementarity | None:
-    """What the pairs of an optimal solution come to; None where it has none, or is not optimal.
+    """The residual and stationarity of the pairs of an optimal solution; None if it has none, or is not optimal.
 
     Raises:
         SpecError: the text is not a spec.
@@ -132,7 +132,9 @@ def complementarity(solution: Solution) -> Complementarity | None:
 
 
 def _side_multipliers(bound: BoundProgram, pairs: Pairs, spare: FloatArray, solution: Solution) -> FloatArray:
-    """Those of the equations ``a = 0`` and ``b = 0``, (k, 2): what their bounds push, less what the products pull."""
+    """The multipliers of the equations ``a = 0`` and ``b = 0``, (k, 2): those of the bounds minus the products'
+    part.
+    """
     given = np.concatenate([solution.bound_multipliers, solution.row_multipliers])
     pulls = np.zeros(len(given))
     weight = solution.row_multipliers[pairs.product]
@@ -142,7 +144,7 @@ def _side_multipliers(bound: BoundProgram, pairs: Pairs, spare: FloatArray, solu
 
 
 def _kind(pushes: FloatArray, tolerance: float) -> str:
-    """The kind of stationary point, for multipliers (k, 2) of pairs both of whose sides are nothing."""
+    """The kind of stationary point, for multipliers (k, 2) of pairs with both sides zero."""
     some = np.abs(pushes) > tolerance
     negative = some & (pushes < 0.0)
     if not negative.any():
@@ -156,7 +158,7 @@ def _kind(pushes: FloatArray, tolerance: float) -> str:
 def _is_b_stationary(
     bound: BoundProgram, pairs: Pairs, spare: FloatArray, x: FloatArray, rows: FloatArray
 ) -> bool | None:
-    """Whether no direction lowers the objective, whichever sides are chosen; None where that takes too many tries."""
+    """Whether no direction lowers the objective, whichever sides are chosen; None if there are too many choices."""
     open_ = np.flatnonzero((spare <= NOTHING).all(axis=1))
     if open_.size > MOST_SIDES or bound.n > MOST_UNKNOWNS:
         return None

@@ -1,4 +1,4 @@
-"""Continuation: walk a constant from where the problem is easy to where it is wanted.
+"""Continuation: change a constant step by step, from an easy problem to the desired one.
 
 Every solve starts from the one before, with its multipliers and active set.  When one fails the step is halved;
 after successes it grows back (the usual step-length rule of predictor-corrector methods: E. L. Allgower and
@@ -30,12 +30,12 @@ SUCCESSES = 2
 
 @dataclass(frozen=True, slots=True)
 class ContinuationStep:
-    """One solve of the walk.
+    """One solve of a continuation.
 
     Attributes:
-        value: of the constant.
-        status: how the solve ended.
-        objective, iterations, factorizations: of the solve.
+        value: value of the constant.
+        status: status of the solve.
+        objective, iterations, factorizations: results of the solve.
     """
 
     value: float
@@ -47,16 +47,16 @@ class ContinuationStep:
 
 @dataclass(slots=True)
 class Continuation:
-    """A walk.
+    """The result of a continuation.
 
     Attributes:
-        name: of the constant.
-        first, last: where the walk starts and where it was to end.
-        steps: every solve, failed ones included, in order.
-        solution: the last optimal solution; of the first solve where that failed already.
+        name: name of the constant.
+        first, last: the first and the desired last value.
+        steps: every solve in order, including failed ones.
+        solution: the last optimal solution; that of the first solve if it failed.
         value: the constant's value there.
-        effort: of all solves.
-        message: why the walk stopped early; empty where it arrived.
+        effort: totals of all solves.
+        message: why the continuation stopped early; empty if it reached the last value.
     """
 
     name: str
@@ -75,11 +75,11 @@ class Continuation:
 
     @property
     def status(self) -> str:
-        """``optimal`` where the walk arrived, else how the solve ended that stopped it."""
+        """``optimal`` if the last value was reached, else the status of the solve that stopped it."""
         return self.steps[-1].status if self.steps else "failed"
 
     def to_dict(self) -> dict[str, Any]:
-        """The walk as JSON takes it."""
+        """The continuation for JSON."""
         return {
             "constant": self.name,
             "first": self.first,
@@ -111,21 +111,21 @@ def continue_to(
     on_step: Callable[[ContinuationStep], None] | None = None,
     **options: Any,
 ) -> Continuation:
-    """Walk a constant from ``first`` to ``last``.
+    """Change a constant in steps from ``first`` to ``last``, each solve starting from the one before.
 
     Args:
         model: the spec.
-        name: of the constant.
-        first: where to start; solved from the spec's guess (or what ``options`` say).
-        last: where to arrive.
-        steps: how many steps to take if none fails.
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
-        on_step: told after every solve.
-        **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves together.
+        name: name of the constant.
+        first: first value; solved from the spec's guess (or as ``options`` say).
+        last: last value.
+        steps: number of steps if none fails; a step that fails is halved.
+        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
+        on_step: called with the record of every solve.
+        **options: arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves together.
 
     Raises:
-        UsageError: no such constant, or no step at all.
-        SpecError: the first or the last value is one that the spec cannot take.
+        UsageError: no such constant, or no step.
+        SpecError: the first or the last value is not valid in the spec.
     """
     if not isinstance(name, str):
         raise UsageError(f"a continuation changes a constant, given by its name, not {name!r}")
@@ -145,7 +145,7 @@ def continue_to(
     undefined = ""
 
     def whole_near(value: float) -> float:
-        """The whole number near a value of the walk that the spec can take; where none can be, the nearest one."""
+        """The whole number closest to a value that is valid in the spec; if there is none, the closest one."""
         for away in (0, 1, -1, 2, -2):
             near = float(round(value) + away)
             if near == walk.value or not min(first, last) < near < max(first, last):
@@ -221,7 +221,7 @@ def continue_to(
 def _counts_frames(
     model: Model, name: str, ends: tuple[float, float], method: str | None, constants: dict[str, float]
 ) -> bool:
-    """Whether a constant is one that has to be whole, as far as its two ends tell.
+    """Whether a constant must be a whole number, as far as its first and last value show.
 
     Raises:
         SpecError, UsageError: an end of the walk that the spec cannot take, or no such constant.

@@ -1,9 +1,9 @@
-"""How far a solution moves on twice as many frames, by a short solve that starts from it.
+"""The change of a solution on twice as many frames, from a short solve that starts from it.
 
-Local errors say what the grid leaves in every step, but not what becomes of the optimum: a system may multiply them,
-and a flat optimum moves far where its cost hardly changes.  The next finer grid says both.  From a solution that is
-sound its solve takes a few iterations; one that takes many is given up, and nothing is told.  What it may take is
-counted in processor time, so that a machine with much else to do finds the same.
+Local errors show the error of each step, but not the change of the optimum: a system may amplify them, and a flat
+optimum can move far while its cost hardly changes.  A finer grid shows both.  From a good solution its solve takes a
+few iterations; a solve that takes many is stopped without a result.  Its limit is in processor time, so that the load
+of the machine has no influence.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
 
     Returns:
         The error of the objective, relative to it, and of each variable, relative to its range; None where the finer
-        grid has no solution close by, or where the spec does not say what the same motion on more frames is.
+        grid has no solution close by, or if the spec does not define the same motion on more frames.
 
     Raises:
         SpecError: the text that the solution carries is not a spec.
@@ -84,7 +84,7 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
 
 
 def _expected(solution: Solution) -> float:
-    """The processor time that a solve on twice the frames takes at least, in seconds.
+    """The least processor time of a solve on twice the frames, in seconds.
 
     The spec is read once more, and an iteration takes twice as long; what was derived and compiled serves again.
     """
@@ -97,7 +97,7 @@ def _expected(solution: Solution) -> float:
 
 
 def apart(coarse: Solution, finer: Solution, names: Iterable[str]) -> dict[str, float]:
-    """The largest difference of each variable between two grids, of which one has each frame of the other.
+    """The largest difference of each variable between two grids, one of which contains the frames of the other.
 
     Returns:
         Relative to the variable's range on the finer grid; where that is next to nothing beside the largest range of
@@ -115,6 +115,6 @@ def apart(coarse: Solution, finer: Solution, names: Iterable[str]) -> dict[str, 
 
 
 def range_of(channel: Channel) -> float:
-    """What a quantity ranges over; of one that hardly moves a thousandth of its size."""
+    """The range of a quantity; at least a thousandth of its size."""
     values = np.concatenate([channel.before, channel.after])
     return max(float(np.ptp(values)), 1e-3 * float(np.abs(values).max()))

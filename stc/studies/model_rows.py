@@ -1,8 +1,8 @@
-"""Do the equations of motion that a spec has of its model hold in MuJoCo?  Compared at random states, term by term.
+"""Comparison with MuJoCo of the equations of motion that a spec gets from its model, at random states, term by term.
 
 The expressions are derived from the model's numbers (:mod:`stc.mechanism`); MuJoCo computes the same from the model by
-algorithms of its own.  The spec's rows are balances of forces on the degrees of freedom, in their order.  So nothing
-has to be found out first: any joints, actuators with states and forces of contacts are compared as they are.
+algorithms of its own.  The spec's rows are balances of forces on the degrees of freedom, in their order.  No
+identification is needed: any joints, actuators with states and contact forces can be compared.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def compare_rows(
         seed: of these.
 
     Raises:
-        UsageError: a joint or actuator line says something else than the variable of the same name.
-        ModelError: the model has not what the lines name.
+        UsageError: a joint or actuator line is not the variable of the same name.
+        ModelError: the model does not have an element that a line names.
     """
     lines = {
         kind: [c for c in problem.replay if c.kind == kind]
@@ -87,7 +87,7 @@ def compare_rows(
 def _places(
     model: StateEquations, joints: Sequence[ReplayChannel], actuators: Sequence[ReplayChannel]
 ) -> dict[VariableRef, tuple[str, int]]:
-    """Where the variables of joint and actuator lines are in MuJoCo's order."""
+    """The indices of the variables of joint and actuator lines in MuJoCo's order."""
     found: dict[VariableRef, tuple[str, int]] = {}
     for line in (*joints, *actuators):
         key = line.body.payload if line.body.op == "sym" else None
@@ -112,7 +112,7 @@ def _places(
 
 
 def _rows(phase: Phase, model: StateEquations) -> list[Expr]:
-    """What is 0 on each degree of freedom, in MuJoCo's order."""
+    """The residual of each degree of freedom, in MuJoCo's order."""
     found: dict[int, Expr] = {}
     for equation in phase.equations:
         if equation.relation.coordinate:
@@ -166,7 +166,7 @@ class _Rows:
         return ModelState(state.q, *(np.zeros_like(x) for x in (state.v, state.a, state.u, state.z, state.f)))
 
     def _sides(self, states: Sequence[ModelState]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What is left of the spec's and of the model's equations, (S, nv) each, and the sizes of forces, (S,)."""
+        """The residuals of the spec's and of the model's equations, (S, nv) each, and the sizes of forces, (S,)."""
         known: dict[object, FloatArray | float] = dict(self.numbers)
         arrays = {part: np.array([getattr(state, part) for state in states]) for part in "qvauzf"}
         for key, (part, index) in self.places.items():
@@ -238,7 +238,7 @@ class _Rows:
         return ModelState(**arrays)
 
     def _columns(self, still: ModelState) -> Iterator[tuple[Term, list[tuple[_Set, float]]]]:
-        """Every term as a sum of what is left at some states, each by what is set in it, with its share."""
+        """Every term as a combination of residuals at some states, with the values set there."""
         dofs = self.model.dofs
         rest: _Set = ()
         for k, name in enumerate(dofs):

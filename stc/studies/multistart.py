@@ -1,4 +1,4 @@
-"""Many starts: the optima that lie around, and the best of them.
+"""Many starts: the local optima found from several guesses, and the best of them.
 
 The first start is the spec's own guess.  Every other one adds a smooth random curve to each variable and moves
 each parameter, by amounts that the bounds or the guess suggest; what the spec pins stays.  Numbers come from one
@@ -40,7 +40,7 @@ FAR = 10.0
 
 @dataclass(frozen=True, slots=True)
 class StartRecord:
-    """How one start ended; ``optimum`` counts from 0 and is -1 where there is none."""
+    """The result of one start; ``optimum`` is the index of its optimum, or -1 if there is none."""
 
     start: int
     status: str
@@ -67,14 +67,14 @@ class Optimum:
 
 @dataclass(slots=True)
 class MultiStart:
-    """What many starts found.
+    """The results of many starts.
 
     Attributes:
         starts: one record per start that was made.
         optima: distinct optima, best first.
-        solution: the best optimum, or where there is none the solution that violates least.
-        effort: of all solves.
-        message: why not all starts were made; empty where they were.
+        solution: the best optimum, or if there is none the solution with the least violation.
+        effort: totals of all solves.
+        message: why not all starts were made; empty if they were.
     """
 
     starts: list[StartRecord] = field(default_factory=list)
@@ -84,7 +84,7 @@ class MultiStart:
     message: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """The findings as JSON takes them."""
+        """The results for JSON."""
         return {
             "starts": [
                 {
@@ -114,16 +114,16 @@ def multistart(
     on_start: Callable[[StartRecord], None] | None = None,
     **options: Any,
 ) -> MultiStart:
-    """Solve from several starts.
+    """Solve from several starts: the spec's own guess and random ones.
 
     Args:
         model: the spec.
-        starts: how many, the spec's own guess included.
-        seed: of the random numbers.
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
-        on_start: told after every solve; the number of the optimum in the record is the one found so far.
-        **options: of :meth:`stc.pipeline.Model.solve`; a guess is what the starts lie around, a time limit is for
-            all solves together.
+        starts: number of starts, including the spec's own guess.
+        seed: seed of the random numbers.
+        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
+        on_start: called with the record of every solve; the index of its optimum is that known so far.
+        **options: arguments of :meth:`stc.pipeline.Model.solve`; random guesses are drawn around a given guess, and a
+            time limit applies to all solves together.
 
     Raises:
         UsageError: fewer than one start.
@@ -188,7 +188,7 @@ def _sorted_in(found: MultiStart, number: int, solution: Solution | None) -> Sta
 
 
 def _rank(found: MultiStart) -> None:
-    """Put the best optimum first; optima were numbered in the order in which they were found."""
+    """Put the best optimum first; optima were numbered in the order of their discovery."""
     order = sorted(range(len(found.optima)), key=lambda k: (found.optima[k].objective, k))
     place = {old: new for new, old in enumerate(order)}
     found.optima = [found.optima[k] for k in order]
@@ -242,7 +242,7 @@ class _Neighbourhood:
             self.parameters[name] = float(x[at]), float(low[at]), float(high[at])
 
     def start(self, seed: int, number: int, share: float) -> GivenValues:
-        """The start of this number, moved by ``share`` of the usual amount."""
+        """The start of this number, perturbed by ``share`` of the usual amount."""
         rng = np.random.default_rng([seed, number])
         columns: dict[str, NodeValues] = {}
         for name, (before, after, mid) in self.middle.items():
@@ -255,7 +255,7 @@ class _Neighbourhood:
 
 
 def _amplitude(x: FloatArray, low: FloatArray, high: FloatArray) -> float:
-    """How far a variable may sensibly be moved: half of its bounds' distance, or the size of its guess."""
+    """The amplitude of the perturbation of a variable: half of its bounds' distance, or the size of its guess."""
     loose = low < high
     if not loose.any():
         return 0.0
@@ -268,7 +268,7 @@ def _amplitude(x: FloatArray, low: FloatArray, high: FloatArray) -> float:
 
 
 def _smooth_curve(rng: np.random.Generator, s: FloatArray, pinned: FloatArray) -> FloatArray:
-    """A random curve of size about 1 on 0..1 that is 0 where the variable is pinned."""
+    """A random curve of size about 1 on 0..1 that is 0 where the variable is fixed."""
     k = np.arange(WAVES)
     weights = rng.normal(size=WAVES) / (1.0 + k)
     phases = rng.uniform(0.0, 2.0 * np.pi, WAVES)
@@ -279,7 +279,7 @@ def _smooth_curve(rng: np.random.Generator, s: FloatArray, pinned: FloatArray) -
 
 
 def _moved(rng: np.random.Generator, value: float, low: float, high: float, share: float) -> float:
-    """A parameter elsewhere: anywhere between near bounds, else some factor away."""
+    """A random value of a parameter: anywhere between narrow bounds, else multiplied by a factor."""
     draw, size = rng.random(), rng.normal()
     if low == high:
         return value
@@ -294,7 +294,7 @@ def _moved(rng: np.random.Generator, value: float, low: float, high: float, shar
 
 @dataclass(slots=True)
 class _Start:
-    """Starting values that are known node by node."""
+    """Starting values that are known at every node."""
 
     columns: dict[str, NodeValues]
     numbers: dict[str, float]

@@ -1,8 +1,8 @@
-"""Mesh refinement: solve, estimate the discretisation error, solve again on more frames until it is small.
+"""Mesh refinement: solve, estimate the discretisation error, and solve again on more frames until it is small.
 
-How many frames the next solve gets follows from the error and the method's order.  Where phases have frame counts
-of their own, each gets what its own error asks for; elsewhere all steps are refined alike.  Every solve starts from
-the one before, so that the finer ones take few iterations, unless that has so gross an error that it is no guess.
+The number of frames of the next solve follows from the error and the method's order.  If phases have frame counts of
+their own, each is refined according to its own error; otherwise all steps are refined alike.  Every solve starts from
+the one before, so that finer ones take few iterations, unless the error of that one is too large for a guess.
 """
 
 from __future__ import annotations
@@ -54,13 +54,14 @@ class Level:
     Attributes:
         n: number of steps.
         phases: number of steps in each phase with a frame count of its own.
-        status, objective, iterations, factorizations: of the solve.
-        error: the estimate that is compared with the tolerance: the largest one of the next three.
+        status, objective, iterations, factorizations: results of the solve.
+        error: the estimate that is compared with the tolerance: the largest of ``local_error``,
+            ``quadrature_error`` and ``objective_error``.
         grid_error: the larger figure of :func:`stc.studies.grid_error.local_grid_error`.
         local_error: local errors of all steps together, relative.
         quadrature_error: relative error of the objective's integrals.
-        objective_error: relative error of the objective, by how it changed from the level before; 0 for the first.
-        worst: what has the largest local errors.
+        objective_error: relative error of the objective, from its change since the level before; 0 for the first.
+        worst: the quantity with the largest local errors.
         seconds: wall time of the solve.
     """
 
@@ -81,18 +82,18 @@ class Level:
 
 @dataclass(slots=True)
 class Refinement:
-    """What refining led to.
+    """The result of a refinement.
 
     Attributes:
-        tolerance: for the estimate.
+        tolerance: tolerance of the estimate.
         levels: every solve, coarsest first.
         solution: the best one: of those whose grid error is not gross the one on the most frames, unless one on fewer
-            is lower than the errors of both explain; where all are gross, the one with the smallest error.
-        kept: which level that is.
-        trail: the levels that each refined the one before, coarsest first: all but those that led elsewhere.
-        effort: of all solves.
-        message: why the tolerance was not reached (a spec whose frames cannot be refined is told with the place);
-            empty where it was.
+            has a lower objective than the errors of both explain; if all are gross, the one with the smallest error.
+        kept: index of its level.
+        trail: the levels that each refined the one before, coarsest first, without those that found another optimum.
+        effort: totals of all solves.
+        message: why the tolerance was not reached (with the position in the spec if its frames cannot be refined);
+            empty if it was.
     """
 
     tolerance: float
@@ -105,7 +106,7 @@ class Refinement:
 
     @property
     def reached(self) -> bool:
-        """Whether the estimate fell below the tolerance."""
+        """Whether the estimate is below the tolerance."""
         return not self.message
 
     @property
@@ -115,7 +116,7 @@ class Refinement:
 
     @property
     def remark(self) -> str:
-        """Which solution was kept, where that is not the last one, and which were none of a motion."""
+        """A note on the solution that was kept, if it is not the last one, and on artefacts of coarse grids."""
         told = []
         best = self.best
         if best is not self.levels[-1]:
@@ -131,7 +132,7 @@ class Refinement:
         return "; ".join(told)
 
     def to_dict(self) -> dict[str, Any]:
-        """The refinement as JSON takes it."""
+        """The refinement for JSON."""
         return {
             "tolerance": self.tolerance,
             "reached": self.reached,
@@ -156,12 +157,12 @@ def refine(
 
     Args:
         model: the spec; its n is that of the coarsest solve.
-        error: what the estimate has to fall below (see :mod:`stc.studies.discretisation`).
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
-        on_level: told after every solve.
-        start: a solution of the coarsest problem, where there is one already; it is not solved again.
-        most_frames: no solve gets more.
-        **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves together.
+        error: tolerance of the estimate (see :mod:`stc.studies.discretisation`).
+        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
+        on_level: called with the record of every solve.
+        start: a solution of the coarsest problem, if there is one already; it is not solved again.
+        most_frames: largest number of frames.
+        **options: arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves together.
 
     Raises:
         UsageError: a tolerance that is not positive, or a motion of one frame.
@@ -242,14 +243,14 @@ def refine(
 
 
 def _at_most(wanted: np.ndarray, reached: np.ndarray, growth: float) -> np.ndarray:
-    """So many times as many frames as were reached, where more are wanted; more than reached all the same."""
+    """The growth factor, limited in relation to the frames reached so far."""
     if not np.isfinite(growth):
         return wanted
     return np.minimum(wanted, np.maximum((growth * reached).round(), reached + 1)).astype(int)
 
 
 def _elsewhere(solution: Solution) -> str:
-    """Why a solve on more frames is none to go on from."""
+    """Why a solve on more frames cannot be continued from."""
     if solution.status != "optimal":
         return f"with n = {solution.n} the solve ended {solution.status}"
     return (
@@ -259,7 +260,7 @@ def _elsewhere(solution: Solution) -> str:
 
 
 def _in_the_way(found: Refinement, solution: Solution, clock: Clock, idle: int) -> str:
-    """What keeps a refinement from going on, in words; empty where nothing does."""
+    """Why a refinement cannot continue, in words; empty if it can."""
     error = found.trail[-1].error
     if idle > 1 or len(found.levels) == MOST_LEVELS:
         return f"the error no longer falls: {error:.2g} with n = {solution.n}"
@@ -277,7 +278,7 @@ def _too_many(found: Refinement, solution: Solution, most_frames: int) -> str:
 
 
 def _is_better(level: Level, best: Level) -> bool:
-    """Whether a level is to be kept instead of the best one before, which has fewer frames."""
+    """Whether a level replaces the best one before, which has fewer frames."""
     if level.status != "optimal" or best.status != "optimal":
         return level.status == "optimal"
     if best.grid_error > GROSS:
@@ -313,7 +314,7 @@ def _level(solution: Solution, phases: list[int], judged: Estimate | None, found
 
 
 def _objective_error(before: Level, judged: Estimate, solution: Solution) -> float:
-    """What is left of the objective's error if it falls from level to level as the estimate does.
+    """The remaining error of the objective if it decreases from level to level like the estimate.
 
     (L. F. Richardson's extrapolation, with the observed order in place of the method's.)
     """
@@ -326,7 +327,7 @@ def _objective_error(before: Level, judged: Estimate, solution: Solution) -> flo
 def _wanted(
     found: Refinement, counts: np.ndarray, factors: np.ndarray, judged: Estimate, method: str
 ) -> np.ndarray:
-    """How many times as many frames as at first each phase needs; more than now somewhere.
+    """The growth factor of each phase relative to the first level; more than now somewhere.
 
     Args:
         counts: steps of each phase now.
@@ -344,7 +345,7 @@ def _wanted(
 
 
 def _order(found: Refinement, method: str) -> float:
-    """The order at which the error falls, as far as the levels tell."""
+    """The order at which the error decreases, as far as the levels show."""
     if len(found.trail) < 2 or found.trail[-2].grid_error > NO_GUESS:
         return ORDER[method]
     coarse, fine = found.trail[-2:]

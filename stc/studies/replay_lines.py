@@ -1,4 +1,4 @@
-"""Do the lines of a spec's replay section fit its model?  Told with their places, before anything is solved."""
+"""Check the lines of a spec's replay section against its model, before anything is solved."""
 
 from __future__ import annotations
 

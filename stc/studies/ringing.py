@@ -45,11 +45,11 @@ class Ringing:
 
     Attributes:
         variable: its name.
-        statement, place: the first equation of motion that it stands in, and where that is; "" where there is none.
-        frames: stretches, first and last frame, a half more at midpoints.
-        change: the largest one from one node to the next on these.
-        term: what to add to the objective.
-        alone: whether that is all the objective there is.
+        statement, place: the first equation of motion that contains it, and its position; "" if there is none.
+        frames: intervals, first and last frame, plus one half at midpoints.
+        change: the largest change between neighbouring nodes.
+        term: a term to add to the objective.
+        alone: whether there is no other objective.
     """
 
     variable: str
@@ -86,7 +86,7 @@ def ringing(solution: Solution) -> list[Ringing]:
     """The controls of a solution that ring.
 
     Args:
-        solution: any; none ring in one that is not optimal, under central differences, or with very few frames.
+        solution: a solution; the result is empty if it is not optimal, uses central differences or has very few frames.
 
     Raises:
         SpecError: the text that the solution carries is not a spec.
@@ -112,7 +112,7 @@ def ringing(solution: Solution) -> list[Ringing]:
 
 
 def _alternation(solution: Solution, name: str) -> tuple[list[tuple[float, float]], float]:
-    """The stretches on which a variable alternates, and the largest change there.
+    """The intervals on which a variable alternates, and the largest change there.
 
     Under hermite-simpson that may be from node to node, or from frame to frame with the midpoints between them.
     """
@@ -137,7 +137,7 @@ def _alternation(solution: Solution, name: str) -> tuple[list[tuple[float, float
 
 
 def _alternating(change: FloatArray, size: float, jumps: list[int]) -> list[tuple[int, int]]:
-    """First and last of the values on each stretch that alternates, given their changes and where they may jump."""
+    """First and last index of each interval that alternates, given the changes and the possible jumps."""
     if len(change) < LEAST_NODES:
         return []
     part = 0.25 * np.diff(change)  # what a value differs by from the mean of itself and its neighbours' mean
@@ -153,7 +153,7 @@ def _alternating(change: FloatArray, size: float, jumps: list[int]) -> list[tupl
 
 
 def _held(problem: Problem) -> set[str]:
-    """The variables that alternate at a cost, or are no controls.
+    """The variables that are not controls, or whose alternation has a cost.
 
     That is those that equations of motion determine, those whose squares the objective has, contact forces, which
     the ground shares out among its points as it likes, and unknowns of the transcription's own.

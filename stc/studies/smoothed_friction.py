@@ -1,8 +1,8 @@
-"""Dry friction that a spec smooths: a force against a velocity that grows from zero and stays what it is.
+"""Dry friction that a spec smooths: a force that grows with the velocity from zero to a constant.
 
 Optimisers want smooth forces, so dry friction is written ``F*tanh(50*v)``, ``F*v/sqrt(v^2 + eps)`` and the like.  At
-unit velocity, where terms are compared, such a force looks like damping.  At high speeds it is what a straight line
-leaves at zero: there a force that depends on the velocity v of one joint is ``F + d*v + c*v^2``, whatever smooths F.
+unit velocity, where terms are compared, such a force looks like damping.  At high speeds a force
+that depends on the velocity v of one joint is ``F + d*v + c*v^2``, whatever function smooths F; the constant is F.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ class Smoothed:
 
     Attributes:
         joint: its name; unit: ``m`` or ``rad``.
-        friction, damping, drag: of the spec, N or N m, and per m/s or rad/s and its square.
-        given, damped: those of the model.
-        speed: from which on there is all of it but a hundredth.
-        slid: which way the joint slides along the motion, 1 or -1; 0 where it slides both ways or that is not known.
+        friction, damping, drag: those of the spec, N or N m, and per m/s or rad/s and its square.
+        given, damped: friction and damping of the model.
+        speed: speed from which friction has 99 % of its full value.
+        slid: sliding direction along the motion, 1 or -1; 0 if it slides in both or that is not known.
     """
 
     joint: str
@@ -120,7 +120,7 @@ def smoothed_friction(
     mechanics: ModelEquations,
     slid: Sequence[Slid],
 ) -> tuple[list[Smoothed], list[Difference]]:
-    """The joints whose differing damping is smoothed dry friction, and the differences that this does not explain.
+    """The joints whose difference in damping is smoothed dry friction, and the differences that this does not explain.
 
     Args:
         found: differences of all terms.
@@ -217,7 +217,7 @@ def _fit(joint: _Joint, speed: float) -> tuple[FloatArray, float] | None:
 
 
 def _whole_from(joint: _Joint, friction: float, damping: float, drag: float) -> float:
-    """The speed from which on there is all of the friction but a hundredth."""
+    """The speed from which friction has 99 % of its full value."""
     low, high = np.log(_SLOW), np.log(_SPEEDS[0])
     for _ in range(40):
         speed = float(np.exp(0.5 * (low + high)))

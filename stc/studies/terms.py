@@ -1,4 +1,4 @@
-"""Equations of motion taken apart into terms, and two such sets compared entry by entry.
+"""Equations of motion as tables of terms, and the comparison of two tables entry by entry.
 
 Written for joint j as ``sum_i M_ji a_i + (static) + (products of velocities) + (damping) - (forces) = 0``, the
 equations of motion at one position are a table: a row per joint, a column per term.  A spec may write its rows
@@ -39,7 +39,7 @@ class Term:
     joint: str = ""
 
     def of(self, joint: str) -> str:
-        """How the entry in a joint's row is called."""
+        """The name of the entry in a joint's row."""
         return f"mass matrix entry ({joint}, {self.joint})" if self.kind == MASS else self.words
 
 
@@ -102,7 +102,7 @@ def differences(
 
 
 def scales(model: FloatArray, spec: FloatArray, terms: Sequence[Term]) -> FloatArray:
-    """(S, C) what an entry of each column is small against: the largest of its kind, in the model if it has any."""
+    """(S, C) the scale of each column: the largest entry of its kind, in the model if there is any."""
     groups: dict[object, list[int]] = {}
     for column, term in enumerate(terms):
         # Static forces and those of unit velocities are of one order; each outer force has its own.

@@ -51,10 +51,10 @@ UNDETERMINED = 1e-13
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """How well data determine parameters.
+    """The standard errors of estimated parameters.
 
     Attributes:
-        residuals: how many there are.
+        residuals: number of residuals.
         freedom: residuals less degrees of freedom of the fit.
         deviation: residual standard deviation, sqrt(S/freedom), in the units of the residuals.
         errors: standard error of each parameter; infinite where the data do not determine it, 0 where a bound holds it.
@@ -131,7 +131,7 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
 
 
 def of_solution(solution: Solution) -> Uncertainty:
-    """The same for any solution; the spec of one from a file is read anew from the text that it carries."""
+    """The same for any solution; the spec of one from a file is parsed from the text in it."""
     return uncertainty(model_of(solution), solution)
 
 
@@ -161,7 +161,7 @@ def _is_known(e: Expr) -> bool:
 def _held(
     values: FloatArray, lower: FloatArray, upper: FloatArray, multipliers: FloatArray
 ) -> NDArray[np.bool_]:
-    """What equal bounds, or a bound with a multiplier, do not let move."""
+    """The directions that equal bounds, or a bound with a multiplier, fix."""
     pulled = np.abs(multipliers) > HELD * max(1.0, float(np.abs(multipliers).max(initial=0.0)))
     bound = np.where(multipliers > 0.0, upper, lower)
     with np.errstate(invalid="ignore"):
@@ -230,7 +230,7 @@ class _Sparse:
             slopes: Jacobian of the residuals.
             jacobian: that of the rows.
             free: unknowns that no bound holds.
-            active: rows that do not let go.
+            active: active rows.
         """
         from scipy.sparse import coo_array, csc_array
         from scipy.sparse.linalg import splu

@@ -1,13 +1,12 @@
-"""Solve until MuJoCo agrees: solve, replay, give more frames where the replay disagrees, and again.
+"""Solve until MuJoCo agrees: solve, replay, add frames where the replay disagrees, and repeat.
 
-Every round is judged by the drift of the replay: of the open loop, or where the motion multiplies small errors of
-the replay with feedback.  Motions on the ground are judged by the replay in which the solved contact forces act,
-and then by the one with the simulator's own contacts: tracked, or open loop where small errors hardly grow or no
-feedback can act.  Which steps are at fault is asked of MuJoCo too: each step is simulated on its own from the solved
-state (:mod:`stc.validate.steps`).
+Every round is judged by the drift of the replay: open loop, or with feedback if small errors grow along the motion.
+Motions on the ground are judged by the replay in which the solved contact forces act, and then by the one with the
+simulator's own contacts: tracked, or open loop where small errors hardly grow or no feedback can act.  To find the
+steps with the largest errors, each step is simulated alone from the solved state (:mod:`stc.validate.steps`).
 
-More frames cannot mend everything.  Wrong equations of motion are looked for after the first solve; what else stands
-in the way (contacts softer than rigid ones, a drift that does not fall, no more frames or time) is said in words.
+More frames do not correct every error.  Wrong equations of motion are detected after the first solve; other reasons
+(contacts softer than rigid ones, a drift that does not decrease, no more frames or time) are given in the message.
 """
 
 from __future__ import annotations
@@ -61,12 +60,12 @@ class Round:
     Attributes:
         n: number of steps.
         phases: number of steps in each phase with a frame count of its own.
-        status, objective, iterations, factorizations: of the solve.
+        status, objective, iterations, factorizations: results of the solve.
         judged_by: ``open loop``, ``tracked`` or ``contact forces`` (solved ones in place of the simulator's contacts);
-            empty where nothing was replayed.
+            empty without a replay.
         drift: largest distance of a joint or output from the solved one over the frames, in m or rad.
-        subject: whose.
-        step_error: all steps' errors, each simulated on its own, together, in m and rad.
+        subject: the joint or output with this distance.
+        step_error: the sum of the errors of all steps, each simulated alone, in m and rad.
         seconds: wall time of the solve.
     """
 
@@ -85,15 +84,15 @@ class Round:
 
 @dataclass(slots=True)
 class Verification:
-    """What came of it.
+    """The result of :func:`solve_until_verified`.
 
     Attributes:
-        tolerance: for the drift, in m and rad.
-        rounds: in order.
-        solution: the last optimal one (the first one where that was not optimal).
-        equations: the comparison of the equations of motion, where it was made.
-        effort: of all solves.
-        message: what stands in the way; empty where the drift is below the tolerance.
+        tolerance: tolerance of the drift, in m and rad.
+        rounds: the rounds in order.
+        solution: the last optimal solution (that of the first solve if it was not optimal).
+        equations: the comparison of the equations of motion, if it was made.
+        effort: totals of all solves.
+        message: why the tolerance was not reached; empty if it was.
     """
 
     tolerance: float
@@ -109,7 +108,7 @@ class Verification:
         return not self.message
 
     def to_dict(self) -> dict[str, Any]:
-        """The outcome as JSON takes it."""
+        """The result for JSON."""
         return {
             "tolerance": self.tolerance,
             "verified": self.verified,
@@ -128,16 +127,17 @@ def solve_until_verified(
     most_frames: int = MOST_FRAMES,
     **options: Any,
 ) -> Verification:
-    """Add frames until the replay's drift is below a tolerance, or say what stands in the way.
+    """Add frames until the replay's drift is below a tolerance, or report why that is not possible.
 
     Args:
         model: the spec, with a ``replay:`` section; its n is that of the first solve.
-        drift: what the replay's has to fall below, in m and rad.
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
-        on_round: told after every round.
-        start: a solution of the first problem, where there is one already; it is not solved again.
-        most_frames: no solve gets more.
-        **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves and replays together.
+        drift: tolerance of the replay's drift, in m and rad.
+        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
+        on_round: called with the record of every round.
+        start: a solution of the first problem, if there is one already; it is not solved again.
+        most_frames: largest number of frames.
+        **options: arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves and replays
+            together.
 
     Raises:
         UsageError: a tolerance that is not positive, a motion of one frame, or a spec that names no model.
@@ -203,14 +203,14 @@ def solve_until_verified(
 
 @dataclass(frozen=True, slots=True)
 class _Judged:
-    """What MuJoCo says of a solution.
+    """The judgement of a solution by MuJoCo.
 
     Attributes:
-        replays: all that was simulated.
-        by: which of them judges.
-        drift, subject: the largest drift in it, and whose.
-        ground: the largest drift with the simulator's own contacts, of what, and whether feedback was at work: where
-            small errors grow and it can be; None where there are no contacts.
+        replays: the simulations.
+        by: the one that is decisive.
+        drift, subject: the largest drift in it, and its joint or output.
+        ground: the largest drift with the simulator's own contacts, its subject, and whether feedback was used (if
+            small errors grow and actuators can steer); None without contacts.
         steps: (n,) error of each step alone.
     """
 
@@ -239,7 +239,7 @@ class _Judged:
 
 
 def _largest(setup: Setup, motion: Replay) -> tuple[float, str]:
-    """The largest drift of a replay, and of what."""
+    """The largest drift of a replay, and its subject."""
     drifts = {f"joint {tie.name}": drift_of(tie.distances(motion.positions))[0] for tie in setup.ties}
     for k, output in enumerate(setup.outputs):
         drifts[f"output {output.line.name}"] = drift_of(output.distances(motion.outputs[:, k]))[0]
@@ -264,7 +264,7 @@ def _round(solution: Solution, counts: np.ndarray, judged: _Judged | None) -> Ro
 
 
 def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> str:
-    """Why no number of frames would help, in words, or nothing.
+    """Why more frames would not help, in words, or "".
 
     The solved forces have to give the solved accelerations in MuJoCo, instant by instant.  Where they do not, or where
     that cannot be said, the equations of motion are compared term by term.
@@ -299,7 +299,7 @@ def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> 
 
 
 def _in_the_way(found: Verification, judged: _Judged, clock: Clock) -> str:
-    """What keeps the drift above the tolerance, as far as the rounds tell."""
+    """Why the drift is above the tolerance, as far as the rounds show."""
     now = found.rounds[-1]
     if judged.drift <= found.tolerance:
         if judged.ground is not None and judged.ground[0] > found.tolerance:
@@ -336,7 +336,7 @@ def _state(now: Round) -> str:
 def _wanted(
     found: Verification, counts: np.ndarray, factors: np.ndarray, judged: _Judged, method: str
 ) -> np.ndarray:
-    """How many times as many frames as at first each phase gets in the next round; more than now somewhere."""
+    """The growth factor of each phase relative to the first round; more than now somewhere."""
     ends = np.concatenate([[0], np.cumsum(counts)])
     errors = np.array([float(judged.steps[a:b].sum()) for a, b in pairwise(ends)])
     grids = [(one.n, one.drift) for one in found.rounds[-2:]]
