@@ -62,9 +62,11 @@ class Sensitivity:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Attributes:
-    active: the inequalities that hold the solution back, in the order of the text.
-    sensitivities: every statement that costs anything, the most expensive first.
+    """The active inequalities of a solution, and the cost of each statement.
+
+    Attributes:
+        active: the active inequalities, in the order of the text.
+        sensitivities: every statement with a cost, the most expensive first.
     """
 
     active: list[Sensitivity]

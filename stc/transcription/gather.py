@@ -35,10 +35,10 @@ RUN = 8
 
 @dataclass(slots=True)
 class Folding:
-    """Which outputs are added up within a buffer.
+    """The outputs that are summed within a buffer.
 
     Attributes:
-        doubled: int32 outputs that count twice.
+        doubled: int32 outputs that are counted twice.
         source, into: (k,) int32 single additions, made in this order.
         long_into: (sums,) int32 where each long sum goes.
         long_start: (sums + 1,) int32 where its outputs begin in ``long_source``.
@@ -78,7 +78,7 @@ class Folding:
         )
 
     def changed(self) -> PlaceArray:
-        """Places whose values folding changes."""
+        """Positions whose values folding changes."""
         return np.concatenate([self.doubled, self.into, self.long_into])
 
     def bind(self, buffer: FloatArray) -> list[Bound]:
@@ -112,18 +112,18 @@ def place(values: FloatArray, scale: FloatArray, into: FloatArray) -> Bound:
 
 
 def note(values: FloatArray, noted: FloatArray, same: IntArray) -> Bound:
-    """A call that tells, by ``same`` (1,) too, whether ``noted`` is ``values`` (k,) already; from then on it is."""
+    """A call that records ``values`` (k,) in ``noted``, and in ``same`` (1,) whether they were equal already."""
     return _bind(_note, _note_numpy, len(values), values, noted, same)
 
 
 def all_same(same: IntArray) -> Bound:
-    """A call that tells whether all of ``same`` (k,) are 1."""
+    """A call that returns whether all of ``same`` (k,) are 1."""
     return _bind(_all_same, _all_same, len(same), same)
 
 
 @dataclass(slots=True)
 class Copying:
-    """What is copied from a buffer to where it belongs: ``out[at] = scale * buffer[source]``.
+    """The copies from a buffer to its targets: ``out[at] = scale * buffer[source]``.
 
     Runs of consecutive places are copied, the rest is gathered.  Which those are is found once, whatever the scale.
 
@@ -194,12 +194,12 @@ def total(
 
 
 def add_up(part: FloatArray, into: FloatArray) -> Bound:
-    """A call that adds ``part`` (1,) to ``into`` (1,) and forgets it."""
+    """A call that adds ``part`` (1,) to ``into`` (1,) and resets it."""
     return _bind(_add_up, _add_up, part, into)
 
 
 def _bind(compiled: NativeFunction[..., Any], python: Callable[..., Any], *arguments: Any) -> Bound:
-    """Machine code, or what does the same in NumPy."""
+    """Machine code, or the equivalent in NumPy."""
     if engine.llvm_wanted():
         return compiled.bind(*arguments)
     if isinstance(python, NativeFunction):

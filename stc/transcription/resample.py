@@ -1,8 +1,8 @@
 """An earlier solution's multipliers on other frames, statement by statement.
 
-Frames go where those of their phase are (see :mod:`stc.alignment`).  What a statement on a stretch of frames costs is
-a density in time: each of its rows carries the share of the time around its node, so that twice as many rows
-have half the multiplier each.  A statement on a single frame, and the link of a step (whose multiplier is the
+Frames are aligned phase by phase (see :mod:`stc.alignment`).  The multipliers of a statement on a range of frames are a
+density in time: each of its rows has the share of the time around its node, so that twice as many rows have half the
+multiplier each.  A statement on a single frame, and the link of a step (whose multiplier is the
 costate), have values of their own that do not depend on the step.
 """
 
@@ -57,7 +57,7 @@ def resample_multipliers(
 
 
 def _objective_ratio(solution: Solution, bound: BoundProgram) -> float:
-    """How many times larger the objective has become: one that is a plain sum grows with the number of frames."""
+    """The ratio of the new objective to the old one: a plain sum grows with the number of frames."""
     objective, _ = bound.values(bound.x0)
     ratio = objective / solution.objective if solution.objective else 1.0
     return ratio if 1.0 / MOST_OFF < ratio < MOST_OFF and abs(np.log(ratio)) > SAME else 1.0
@@ -135,7 +135,8 @@ def _shares(nodes: Nodes, n: int, alignment: Alignment | None = None) -> FloatAr
 
 @dataclass(frozen=True, slots=True)
 class _Strand:
-    """One row of a statement along the earlier motion: where its multipliers are among all, and in the new motion.
+    """One row of a statement along the earlier motion: the positions of its multipliers, and their places in the new
+    motion.
 
     ``place`` (k,) and ``share`` (k,), from 0 to 1; ``key`` is equal where the shares are.
     """
@@ -147,18 +148,18 @@ class _Strand:
 
 @dataclass(frozen=True, slots=True)
 class _Way:
-    """How multipliers of one motion are made from those of another, whatever the numbers.
+    """The computation of multipliers of one motion from those of another, for any numbers.
 
     Attributes:
-        known_by: what it depends on but the bounds.
-        bounds: of the program that is to be started.
-        old: time that the old multipliers stand for, all of them.
-        new: the same of those found by density.
-        dense: which those are, of the entries below.
-        target: where each entry goes, rows and then bounds.
-        left, right: between which old multipliers it is; those per unit of time are behind all others.
-        part: how far it is from one to the other.
-        beside: whether it is where the one at the right is.
+        known_by: all its inputs except the bounds.
+        bounds: bounds of the program to start.
+        old: time of each of the old multipliers.
+        new: time of each new multiplier computed by density.
+        dense: indices of those, among the entries below.
+        target: index of each entry, rows and then bounds.
+        left, right: the old multipliers on either side; those per unit of time follow all others.
+        part: its position between the two.
+        beside: whether it is at the right one.
         size: numbers of rows and bounds.
     """
 
@@ -193,7 +194,7 @@ class _Way:
 def _way_of(
     solution: Solution, transcription: Transcription, bound: BoundProgram, alignment: Alignment
 ) -> _Way:
-    """The way from a solution to a program; for programs that are kept, the last ways are known."""
+    """The computation for a solution and a program; the last ones are cached."""
     nodes = [(b.kind, b.label, b.nodes.tobytes(), b.sides.tobytes()) for b in solution.multipliers]
     known_by = solution.n, alignment.old.tobytes(), alignment.new.tobytes(), *nodes
     ways: list[_Way] = transcription.remembered("ways of multipliers", lambda _: [])
@@ -289,7 +290,7 @@ class _Before:
 
 
 class _After:
-    """What multipliers of the new motion are made from; between which they are is found once for all that stand alike.
+    """The computation of multipliers of the new motion; neighbours are found once for all statements on the same nodes.
 
     Attributes:
         weights: time that those found by density stand for.
@@ -331,7 +332,7 @@ class _After:
     def _between(
         self, strand: _Strand, nodes: Nodes, key: bytes
     ) -> tuple[IntArray, IntArray, FloatArray, NDArray[np.bool_]]:
-        """Places before and after each node, how far it is from one to the other, and whether it is at the end."""
+        """The neighbours before and after each node, its position between them, and whether it is at the end."""
         both = strand.key, key
         if both not in self._known:
             own, share = _shares(nodes, self._n), strand.share

@@ -32,7 +32,7 @@ HALF = Fraction(1, 2)
 
 
 def stencil_reach(order: int) -> int:
-    """Frames that the shortest symmetric second-order stencil of a derivative needs on either side."""
+    """The frames that the shortest symmetric second-order stencil of a derivative needs on either side."""
     return (order + 1) // 2
 
 
@@ -92,7 +92,7 @@ def difference(ref: VariableRef, offsets: Sequence[int], steps: Sequence[Expr]) 
 
 
 def links(method: str, name: str, order: int, h: Expr) -> list[Expr]:
-    """The rows (= 0) that tie derivative ``order`` of a variable to the next one over a step of length h.
+    """The equations (= 0) between derivative ``order`` of a variable and the next one over a step of length h.
 
     They stand on the step's node: for hermite-simpson its midpoint, else the frame before the step.
     """
@@ -124,7 +124,7 @@ def _at(name: str, order: int, shift: Fraction) -> Expr:
 
 
 def sum_weights(nodes: Nodes, first: int, last: int) -> NDArray[np.float64]:
-    """How often a plain objective term on frames first..last counts at each of its nodes. (k,)
+    """The weight of a plain objective term on frames first..last at each of its nodes. (k,)
 
     It is (e[first] + e[last])/2 and for each step what its quadrature gives: (e[i] + 4 e[mid] + e[i+1])/6 where the
     nodes hold the step's midpoint, else (e[i] + e[i+1])/2.  Without midpoints every frame counts once, the two sides

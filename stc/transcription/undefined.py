@@ -1,4 +1,4 @@
-"""Why an expression has no value whatever the unknowns are: what its constants do alone."""
+"""Why an expression is undefined whatever the unknowns are, because of its constants."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["constant_fault"]
 
 
 def constant_fault(body: Expr, constants: Mapping[object, float]) -> tuple[str, dict[str, float]]:
-    """What is wrong with the constants of an expression, in words, and those that are to blame by name.
+    """The fault in the constants of an expression, in words, and their names.
 
     Args:
         body: the expression.
