@@ -1,4 +1,4 @@
-"""The constants of a spec as something to turn: names, values, ranges, and what the spec says about them."""
+"""The adjustable constants of a spec: names, values, ranges, and comments."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A constant that the watcher may change.
+    """A constant that the user may change.
 
     Attributes:
         name: as the spec has it.
@@ -81,7 +81,7 @@ def _is_number(declaration: Declaration) -> bool:
 
 
 def _note(text: str, end: int) -> str:
-    """The comment behind the character ``end`` on its line; none where another declaration comes first."""
+    """The comment after the character ``end`` on its line; empty if another declaration comes first."""
     line = text[end : text.find("\n", end) if "\n" in text[end:] else len(text)]
     before, hash_, comment = line.partition("#")
     return comment.strip() if hash_ and not before.strip(" ,;\t") else ""

@@ -17,7 +17,7 @@ MOST = 1024
 
 
 class Geoms:
-    """Makes geoms of shapes, and keeps those of shapes that are shown again."""
+    """Converts shapes to geoms, and reuses geoms of shapes that are shown again."""
 
     def __init__(self) -> None:
         self._known: dict[int, tuple[Shape, mujoco.MjvGeom]] = {}

@@ -1,4 +1,4 @@
-"""A solved motion ready to be shown: where the model is at any instant, and which forces act."""
+"""A solved motion prepared for display: the state of the model at any instant, and the forces."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Motion:
 
     @property
     def shape_key(self) -> tuple[tuple[str, float], ...]:
-        """What the spec sets in the model that changes how it looks: two motions of one key look alike."""
+        """The fields set by the spec that change the appearance of the model: motions with the same key look alike."""
         seen = {path: value for path, value in self.setup.fields.items() if ".pos." in path}
         return tuple(sorted(seen.items()))
 
@@ -113,7 +113,7 @@ class Motion:
         return self._paths[1]
 
     def found_paths(self, recording: Recording) -> list[Shape]:
-        """The paths as far as MuJoCo has simulated them."""
+        """The simulated part of the paths."""
         known = self._found_paths
         share = recording.share
         if (
@@ -197,7 +197,7 @@ class Motion:
         return _ARROW * self.extent
 
     def _place(self, instant: float) -> tuple[int, float]:
-        """The step that holds an instant, and the share of it that has passed."""
+        """The step that contains an instant, and the elapsed share of it."""
         time = self.solution.time
         step = int(np.clip(np.searchsorted(time, instant, side="right") - 1, 0, self.solution.n - 1))
         return step, float(np.clip((instant - time[step]) / (time[step + 1] - time[step]), 0.0, 1.0))

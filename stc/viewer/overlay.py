@@ -72,8 +72,8 @@ def draw(canvas: Any, vector: Any, eye: Eye, shapes: Sequence[Shape]) -> None:
     Args:
         canvas: a draw list of Dear ImGui.
         vector: Dear ImGui's class of points, ``Vec2``.
-        eye: from where.
-        shapes: what.
+        eye: the camera.
+        shapes: the shapes.
     """
     if not shapes:
         return

@@ -1,6 +1,6 @@
-"""The panel: time, what is shown, the solve that is watched, the constants to turn.
+"""The panel: time, display options, the solve in progress, and the adjustable constants.
 
-It is written for Dear ImGui, whose module it is handed, and does nothing itself: every button acts on the player.
+It is written for Dear ImGui, whose module is passed to it; every button acts on the player.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Panel:
     """Builds the panel, frame by frame.
 
     Attributes:
-        note: what the last button did, for the watcher.
+        note: message about the last action.
     """
 
     def __init__(self, player: Player, save: Callable[[], str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""MuJoCo's own run of a motion, recorded in the background so that it can be shown while it is still computed."""
+"""MuJoCo's simulation of a motion, recorded in the background and available while it is computed."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ class State:
 
 
 class Recording:
-    """A replay under way, or done.
+    """A replay in progress, or finished.
 
     Attributes:
         tracked: whether feedback holds it on the solved motion.
         law: ``LQR`` or ``PD`` for a tracked one, once it is known.
-        error: why there is none; empty while all goes well.
+        error: why it failed; empty otherwise.
         broke_at: when the simulation left all bounds, or None.
     """
 
@@ -83,7 +83,7 @@ class Recording:
         Args:
             setup: the motion and its model.
             tracked: whether feedback is to hold it on the solved motion.
-            busy: tells whether something more urgent runs, which the recording then waits for.
+            busy: function that says whether more urgent work is running, for which the recording waits.
         """
         self.tracked = tracked
         self.law = ""
@@ -99,12 +99,12 @@ class Recording:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Simulate on a thread of its own."""
+        """Simulate in a separate thread."""
         self._thread = threading.Thread(target=self.run, name="replay", daemon=True)
         self._thread.start()
 
     def run(self) -> None:
-        """Simulate here and now."""
+        """Simulate in this thread."""
         try:
             self._record()
         except Exception as error:  # it ends up on the watcher's screen: a thread has nobody else to tell
@@ -117,7 +117,7 @@ class Recording:
         self._stop.set()
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Wait until it has ended; whether it has."""
+        """Wait until it has ended; returns whether it has."""
         return self._done.wait(seconds)
 
     @property
@@ -135,7 +135,7 @@ class Recording:
         return 1.0 if length <= 0.0 else min(1.0, (times[-1] - times[0]) / length)
 
     def at(self, instant: float) -> State | None:
-        """The state nearest to an instant (from below), or None where the simulation has not come yet."""
+        """The last state before an instant, or None if the simulation has not reached it."""
         count = len(self._times)
         k = bisect_right(self._times, instant + 1e-12, 0, count) - 1
         if k < 0:

@@ -1,4 +1,4 @@
-"""The model that is shown: the spec's own, and a translucent copy of its bodies as the ghost.
+"""The displayed model: the spec's own, and a translucent copy of its bodies as the ghost.
 
 The ghost is part of the model rather than drawn on top of it: viewers that render elsewhere, such as the one in a
 browser, draw meshes only for what the model has.  It touches nothing and weighs on nothing.  The whole ghost hangs
@@ -51,7 +51,7 @@ _NOT_FOR_GHOSTS = (
 
 @dataclass(slots=True)
 class View:
-    """Where to look from.
+    """A direction of view.
 
     Attributes:
         framing: the direction, and the room that the motion takes in it.
@@ -163,7 +163,7 @@ def _doubled(motion: Motion) -> mujoco.MjModel:
 
 
 def _ghost(path: str) -> mujoco.MjSpec:
-    """The moving bodies of a model as an apparition."""
+    """The moving bodies of a model as a translucent copy without mass and contacts."""
     import mujoco
 
     ghost = mujoco.MjSpec.from_file(path)

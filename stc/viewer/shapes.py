@@ -1,4 +1,4 @@
-"""What is drawn besides the bodies, as plain data: tubes, arrows, balls, and arcs for torques.
+"""Shapes drawn besides the bodies, as plain data: tubes, arrows, balls, and arcs for torques.
 
 Every viewer of MuJoCo takes such things as ``MjvGeom`` (:mod:`stc.viewer.geoms` makes them); nothing here knows one.
 """

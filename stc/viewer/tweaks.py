@@ -1,7 +1,7 @@
-"""Turning a spec's constants while its motion is shown: each change re-solves from the motion at hand.
+"""Changing a spec's constants while its motion is shown: each change is solved from the displayed motion.
 
-The newest wish counts.  A solve for an older one goes on for a moment, since its solution is nearer to the new wish
-than the motion at hand, and is then stopped.  A solve that fails changes nothing but the message.
+Only the newest request counts.  A solve for an older one continues for a moment, since its solution is closer to the
+new request than the displayed motion, and is then stopped.  A solve that fails only changes the message.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TIME_LIMIT = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of one wish.
+    """The result of one request.
 
     Attributes:
         wish: the values that were asked for, of all constants given from outside.
@@ -46,7 +46,7 @@ class Outcome:
 
 
 def session_for(solution: Solution) -> TweakSession:
-    """A session that starts from a solution, with all constants of its spec to turn.
+    """A session that starts from a solution, with all constants of its spec.
 
     Raises:
         SpecError: the text that the solution carries is not a spec.
@@ -61,7 +61,7 @@ class _Wish:
 
 
 class TweakSession:
-    """Constants to turn, and the motion for them.
+    """Adjustable constants, and the motion for their values.
 
     All attributes may be read from any thread.
 
@@ -95,41 +95,41 @@ class TweakSession:
         self._thread.start()
 
     def wanted(self, name: str) -> float:
-        """The value that the watcher wants a constant to have, whether or not there is a motion for it."""
+        """The requested value of a constant, whether or not there is a motion for it."""
         return self._wanted.get(name, self.solution.constants[name])
 
     @property
     def unsettled(self) -> bool:
-        """Whether a wish is being worked on or still waits."""
+        """Whether a request is being processed or waits."""
         with self._change:
             return self.busy or self._pending is not None
 
     @property
     def refused(self) -> bool:
-        """Whether the motion at hand is not the wanted one, and nothing is being done about it."""
+        """Whether the displayed motion is not the requested one, and no request is being processed."""
         with self._change:
             return not (self.busy or self._pending) and self._wanted != self.solution.overrides
 
     def turn(self, **values: float) -> None:
-        """Ask for other values of some constants; returns at once."""
+        """Request other values of some constants; returns at once."""
         with self._change:
             self._wanted.update(values)
             self._pending = _Wish(dict(self._wanted))
             self._change.notify_all()
 
     def give_up(self) -> None:
-        """Want again what the motion at hand has."""
+        """Return to the values of the displayed motion."""
         with self._change:
             self._wanted = dict(self.solution.overrides)
             self._pending = None
 
     def wait(self, seconds: float = 60.0) -> bool:
-        """Wait until no wish is open; whether that came about in time."""
+        """Wait until all requests are processed; returns whether they were in time."""
         with self._change:
             return self._change.wait_for(lambda: not self.busy and self._pending is None, seconds)
 
     def close(self) -> None:
-        """End the session; a solve that runs is stopped."""
+        """End the session; a running solve is stopped."""
         with self._change:
             self._closed = True
             self._change.notify_all()
