@@ -37,20 +37,37 @@ def certify(
 ) -> Certificate:
     """Validate a motion and return its certificate.
 
-    Args:
-        motion: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
-        model: a model file to use in place of the one that the spec names.
-        force: whether to judge a solution that is not optimal.
-        equations: whether to compare the spec's equations of motion with the model's; None compares them if
-            the motion fails and the solved forces do not give its accelerations, to name the joint and the term.
-        further: additional measurements for the certificate, such as the observed order of convergence.
+    Parameters
+    ----------
+    motion : Solution | str | os.PathLike[str]
+        A solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
+    model : str | os.PathLike[str] | None
+        A model file to use in place of the one that the spec names.
+    force : bool
+        Whether to judge a solution that is not optimal.
+    equations : bool | None
+        Whether to compare the spec's equations of motion with the model's; None compares them if
+        the motion fails and the solved forces do not give its accelerations, to name the joint and the term.
+    further : Sequence[Metric]
+        Additional measurements for the certificate, such as the observed order of convergence.
 
-    Raises:
-        NotOptimalError: the solution's status is not ``optimal`` and ``force`` is not given.
-        ModelError: there is no model, or a replay line does not fit it.
-        UsageError: a solution file that cannot be used.
-        SolutionError: the solution file is damaged, or time does not increase along the solution.
-        SpecError, EvaluationError: mistakes in a spec.
+    Returns
+    -------
+    Certificate
+        The certificate, with its verdict, measurements and advice.
+
+    Raises
+    ------
+    NotOptimalError
+        The solution's status is not ``optimal`` and ``force`` is not given.
+    ModelError
+        There is no model, or a replay line does not fit it.
+    UsageError
+        A solution file that cannot be used.
+    SolutionError
+        The solution file is damaged, or time does not increase along the solution.
+    SpecError, EvaluationError
+        Mistakes in a spec.
     """
     from stc.origin import statements_between
     from stc.validate.certificate import certify as validated

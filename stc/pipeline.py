@@ -98,10 +98,14 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
 class Model:
     """A spec that can be solved with different constants, methods and frame counts.
 
-    Attributes:
-        source: the text and where it came from.
-        name: the spec's name.
-        warnings: the warnings about the last problem that was requested; empty before the first one.
+    Attributes
+    ----------
+    source
+        The text and where it came from.
+    name
+        The spec's name.
+    warnings
+        The warnings about the last problem that was requested; empty before the first one.
     """
 
     def __init__(self, source: Source, overrides: Mapping[str, float] | None = None) -> None:
@@ -140,9 +144,12 @@ class Model:
     def problem(self, method: str | None = None, **constants: float) -> Problem:
         """The problem in continuous time, with the values of its constants.
 
-        Raises:
-            SpecError: mistakes in the spec, all of them.
-            UsageError: an unknown constant or method.
+        Raises
+        ------
+        SpecError
+            Mistakes in the spec, all of them.
+        UsageError
+            An unknown constant or method.
         """
         _check_method(method)
         return self._transcriptions.problem(method, {**self.overrides, **numbers(constants)})
@@ -164,10 +171,14 @@ class Model:
     ) -> ColdSolve:
         """Derive, compile and bind everything that a solve with these constants needs.
 
-        Args:
-            all: as for :meth:`solve`, which raises the same.
+        Parameters
+        ----------
+        all
+            As for :meth:`solve`, which raises the same.
 
-        Returns:
+        Returns
+        -------
+        ColdSolve
             The prepared solve: each call of its ``run`` solves and returns the solver's result.
         """
         given = {**self.overrides, **overrides}
@@ -208,33 +219,52 @@ class Model:
     ) -> Solution:
         """Solve the spec.
 
-        Args:
-            method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping`` instead of the spec's own.
-            tolerance: tolerance of the optimality conditions, between 1e-14 and 1.
-            max_iterations: limit on iterations.
-            time_limit: limit in seconds of wall time, including deriving and compiling.
-            warm_start: an earlier solution or its file, whose multipliers and active set are used too; resampled
-                if the number of frames differs.
-            guess: values to start from by name, or a file of them (see :mod:`stc.guess_file`); what it does not name
-                keeps the spec's own guess. Arrays are spread evenly over the motion, or placed by an
-                array ``t``, ``time`` (both in seconds) or ``frame``.
-            callback: called with a record after every iteration; returning True stops the solve.
-            optimizer: ``sqp`` (the default), ``nlopt:slsqp``, ...: see docs/optimizers.md.
-            minimizer: a function to call in place of the optimizer, for example to measure it (see
-                :mod:`stc.studies.profile`).
-            fewer_first: whether a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`),
-                unless it starts from a solution.
-            constants: values of constants by name, for names that clash with the arguments above.
-            **overrides: values of constants, such as ``n=120`` or ``g=1.62``.
+        Parameters
+        ----------
+        method : str | None
+            ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping`` instead of the spec's own.
+        tolerance : float | None
+            Tolerance of the optimality conditions, between 1e-14 and 1.
+        max_iterations : int | None
+            Limit on iterations.
+        time_limit : float | None
+            Limit in seconds of wall time, including deriving and compiling.
+        warm_start : Solution | str | os.PathLike[str] | None
+            An earlier solution or its file, whose multipliers and active set are used too; resampled
+            if the number of frames differs.
+        guess
+            Values to start from by name, or a file of them (see :mod:`stc.guess_file`); what it does not name
+            keeps the spec's own guess. Arrays are spread evenly over the motion, or placed by an
+            array ``t``, ``time`` (both in seconds) or ``frame``.
+        callback : Callback | None
+            Called with a record after every iteration; returning True stops the solve.
+        optimizer : str
+            ``sqp`` (the default), ``nlopt:slsqp``, ...: see docs/optimizers.md.
+        minimizer : Minimizer | None
+            A function to call in place of the optimizer, for example to measure it (see
+            :mod:`stc.studies.profile`).
+        fewer_first : bool
+            Whether a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`),
+            unless it starts from a solution.
+        constants : Mapping[str, float] | None
+            Values of constants by name, for names that clash with the arguments above.
+        **overrides : float
+            Values of constants, such as ``n=120`` or ``g=1.62``.
 
-        Returns:
+        Returns
+        -------
+        Solution
             The solution, whatever its status is: read ``solution.status``.
 
-        Raises:
-            SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
-            EndedError: the time limit was reached before there was a starting point.
-            UsageError: an unknown constant, method, optimizer or file, an invalid tolerance or limit, a
-                problem that the optimizer cannot handle, or an earlier solution without a common variable.
+        Raises
+        ------
+        SpecError, EvaluationError
+            Mistakes in the spec, or a start where a function is undefined.
+        EndedError
+            The time limit was reached before there was a starting point.
+        UsageError
+            An unknown constant, method, optimizer or file, an invalid tolerance or limit, a
+            problem that the optimizer cannot handle, or an earlier solution without a common variable.
         """
         options = given_options(tolerance, max_iterations, time_limit)
         unfinished.current = None
@@ -411,13 +441,24 @@ def _check_method(method: object) -> None:
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:
     """Read and parse a spec.
 
-    Args:
-        spec: a path, a bundled name or the text itself.
-        **constants: values of constants for every solve of this model.
+    Parameters
+    ----------
+    spec : str | os.PathLike[str]
+        A path, a bundled name or the text itself.
+    **constants : float
+        Values of constants for every solve of this model, in the units of the spec.
 
-    Raises:
-        SpecError: mistakes in the syntax.
-        UsageError: no such spec.
+    Returns
+    -------
+    Model
+        The model, which can be solved.
+
+    Raises
+    ------
+    SpecError
+        Mistakes in the syntax.
+    UsageError
+        No such spec.
     """
     return Model(read_source(spec), constants)
 

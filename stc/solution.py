@@ -47,12 +47,18 @@ class UnknownNameError(StcError, KeyError):
 class ReplayChannel:
     """One line of the spec's ``replay:`` section with its expression evaluated at the nodes.
 
-    Attributes:
-        kind: ``joint``, ``actuator``, ``apply``, ``contact``, ``compare`` or ``set``.
-        path: the dotted name on the left of the line, such as ``("body", "particle", "mass")``.
-        value: node values.
-        rate: node values of the first time derivative (joints: the velocity), where it is known.
-        acceleration: node values of the second time derivative, where it is known.
+    Attributes
+    ----------
+    kind : str
+        ``joint``, ``actuator``, ``apply``, ``contact``, ``compare`` or ``set``.
+    path : tuple[str, ...]
+        The dotted name on the left of the line, such as ``("body", "particle", "mass")``.
+    value : Channel
+        Node values.
+    rate : Channel | None
+        Node values of the first time derivative (joints: the velocity), where it is known.
+    acceleration : Channel | None
+        Node values of the second time derivative, where it is known.
     """
 
     kind: str
@@ -71,12 +77,18 @@ class ReplayChannel:
 class MultiplierBlock:
     """The multipliers of one statement of the spec, or of one link between a variable and its derivative.
 
-    Attributes:
-        kind: ``row`` (a constraint), ``link`` (a defect of the transcription) or ``bound``.
-        label: the statement's text, or for bounds and links the name with its primes.
-        nodes: (k,) frame index of each instance, a half more at midpoints.
-        sides: (k,) -1 for the value before a jump, 1 for the one after it, 0 where nothing jumps.
-        values: (k,) multipliers: positive where an upper bound holds the solution back, negative at a lower.
+    Attributes
+    ----------
+    kind : str
+        ``row`` (a constraint), ``link`` (a defect of the transcription) or ``bound``.
+    label : str
+        The statement's text, or for bounds and links the name with its primes.
+    nodes : FloatArray
+        (k,) frame index of each instance, a half more at midpoints.
+    sides : npt.NDArray[np.int8]
+        (k,) -1 for the value before a jump, 1 for the one after it, 0 where nothing jumps.
+    values : FloatArray
+        (k,) multipliers: positive where an upper bound holds the solution back, negative at a lower.
     """
 
     kind: str
@@ -96,50 +108,86 @@ class Solution:
 
     Shapes are for n steps, that is n+1 frames; N unknowns and M rows are those of the nonlinear program.
 
-    Attributes:
-        name: name of the spec.
-        source: the spec's whole text.
-        directory: folder that the spec was read from (where its model is looked up), or "" if there is none.
-        constants: value of every constant, overrides applied.
-        overrides: the constants given by the caller.
-        method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``.
-        time: (n+1,) time of each frame, in seconds.
-        trajectories: node values per (variable, order of the derivative); orders of one variable start at 0
-            and have no gap.  Under ``central`` a derivative whose stencil does not fit at a frame holds the
-            value of the nearest frame where it does.
-        derived: the trajectories that are computed from others (the rates of quaternions), besides all derivatives
-            under ``central``.
-        parameters: value of every parameter.
-        status: how the solve ended, one of :data:`STATUSES`.
-        message: the same in words.
-        objective: value of the objective.
-        violation: largest violation of a row or bound, each divided by max(1, |bound|).
-        optimality: the first-order optimality error that the solver stopped with.
-        iterations: number of iterations.
-        factorizations: number of factorised KKT systems, inner loops included.
-        strategy: the last strategy of the solver, which found the answer if there is one; empty after reading a file.
-        optimizer: name of the optimizer.
-        seconds: wall time by stage (``parse``, ``derive``, ``compile``, ``solve``, ``total``), and ``processor``: the
-            processor time of the thread that solved, both in seconds.
-        x: (N,) the unknowns as the solver ordered them.
-        row_multipliers: (M,) multipliers of the rows in the solver's order.
-        bound_multipliers: (N,) multipliers of the bounds in the solver's order.
-        multipliers: the same multipliers by statement.
-        model: file name of the MuJoCo model as the spec writes it, or None.
-        replay: the evaluated ``replay:`` section.
-        force_frames: first and last frame at which the equations of motion hold; at other frames a replay uses the
-            forces of the nearest of them.  Found from the equations of the spec; by default all frames, and for
-            ``central`` with second or higher derivatives the frames where the widest stencil fits.
-        files: the files of the model as they were when the motion was solved; empty until the solution is saved and
-            read by :func:`read`.
-        data: the complete data files that the spec reads, as they were when it was solved.
-        outside: a note for each table that the motion uses outside of its numbers; computed.
-        sha256: hash of ``source`` (hexadecimal); computed.
-        stc_version: version of stc that solved the motion.
-        origin: the :class:`stc.pipeline.Model` that solved it; None after reading a file.
+    Attributes
+    ----------
+    name : str
+        Name of the spec.
+    source : str
+        The spec's whole text.
+    directory : str
+        Folder that the spec was read from (where its model is looked up), or "" if there is none.
+    constants : Mapping[str, float]
+        Value of every constant, overrides applied.
+    overrides : Mapping[str, float]
+        The constants given by the caller.
+    method : str
+        ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``.
+    time : FloatArray
+        (n+1,) time of each frame, in seconds.
+    trajectories : Mapping[tuple[str, int], Channel]
+        Node values per (variable, order of the derivative); orders of one variable start at 0
+        and have no gap.  Under ``central`` a derivative whose stencil does not fit at a frame holds the
+        value of the nearest frame where it does.
+    derived : frozenset[tuple[str, int]]
+        The trajectories that are computed from others (the rates of quaternions), besides all derivatives
+        under ``central``.
+    parameters : Mapping[str, float]
+        Value of every parameter.
+    status : str
+        How the solve ended, one of :data:`STATUSES`.
+    message : str
+        The same in words.
+    objective : float
+        Value of the objective.
+    violation : float
+        Largest violation of a row or bound, each divided by max(1, |bound|).
+    optimality : float
+        The first-order optimality error that the solver stopped with.
+    iterations : int
+        Number of iterations.
+    factorizations : int
+        Number of factorised KKT systems, inner loops included.
+    strategy : str
+        The last strategy of the solver, which found the answer if there is one; empty after reading a file.
+    optimizer : str
+        Name of the optimizer.
+    seconds : Mapping[str, float]
+        Wall time by stage (``parse``, ``derive``, ``compile``, ``solve``, ``total``), and ``processor``: the
+        processor time of the thread that solved, both in seconds.
+    x : FloatArray
+        (N,) the unknowns as the solver ordered them.
+    row_multipliers : FloatArray
+        (M,) multipliers of the rows in the solver's order.
+    bound_multipliers : FloatArray
+        (N,) multipliers of the bounds in the solver's order.
+    multipliers : Sequence[MultiplierBlock]
+        The same multipliers by statement.
+    model : str | None
+        File name of the MuJoCo model as the spec writes it, or None.
+    replay : Sequence[ReplayChannel]
+        The evaluated ``replay:`` section.
+    force_frames : tuple[int, int] | None
+        First and last frame at which the equations of motion hold; at other frames a replay uses the
+        forces of the nearest of them.  Found from the equations of the spec; by default all frames, and for
+        ``central`` with second or higher derivatives the frames where the widest stencil fits.
+    files : Sequence[RecordedFile]
+        The files of the model as they were when the motion was solved; empty until the solution is saved and
+        read by :func:`read`.
+    data : Sequence[RecordedFile]
+        The complete data files that the spec reads, as they were when it was solved.
+    outside : Sequence[str]
+        A note for each table that the motion uses outside of its numbers; computed.
+    sha256 : str
+        Hash of ``source`` (hexadecimal); computed.
+    stc_version : str
+        Version of stc that solved the motion.
+    origin : Any
+        The :class:`stc.pipeline.Model` that solved it; None after reading a file.
 
-    Raises:
-        SolutionError: shapes, method or status contradict each other.
+    Raises
+    ------
+    SolutionError
+        Shapes, method or status contradict each other.
     """
 
     name: str
@@ -274,8 +322,10 @@ class Solution:
 
         At a jump this is the value after it; see :attr:`before`.
 
-        Raises:
-            UnknownNameError: the solution has no such name.
+        Raises
+        ------
+        UnknownNameError
+            The solution has no such name.
         """
         if name in self.parameters:
             return self.parameters[name]
@@ -287,14 +337,20 @@ class Solution:
     def channel(self, name: str) -> Channel:
         """All node values of a variable or derivative: before and after every frame, and at the midpoints.
 
-        Args:
-            name: such as ``"x"`` or ``"x'"``.
+        Parameters
+        ----------
+        name : str
+            Such as ``"x"`` or ``"x'"``.
 
-        Returns:
+        Returns
+        -------
+        Channel
             ``before`` and ``after``, (n+1,) each, and ``mid``, (n,) for hermite-simpson and otherwise None.
 
-        Raises:
-            UnknownNameError: the solution has no such name.
+        Raises
+        ------
+        UnknownNameError
+            The solution has no such name.
         """
         key = _key(name)
         if key in self.trajectories:
@@ -331,17 +387,25 @@ class Solution:
     def at(self, t: npt.ArrayLike, side: Side = "after") -> dict[str, Any]:
         """The motion at any time, by the method's own polynomials (see :mod:`stc.trajectory`).
 
-        Args:
-            t: a time within the motion, in seconds, or an array of times.
-            side: ``"before"`` or ``"after"``: the value to take at a jump.
+        Parameters
+        ----------
+        t : npt.ArrayLike
+            A time within the motion, in seconds, or an array of times.
+        side : Side
+            ``"before"`` or ``"after"``: the value to take at a jump.
 
-        Returns:
+        Returns
+        -------
+        dict[str, Any]
             The value of every variable, derivative and parameter by name: a float for a scalar ``t``, otherwise an
             array of the shape of ``t`` (parameters are always floats).
 
-        Raises:
-            UsageError: a time outside of the motion, or what is not a number.
-            SolutionError: the times do not increase (a solve that failed with a free duration).
+        Raises
+        ------
+        UsageError
+            A time outside of the motion, or what is not a number.
+        SolutionError
+            The times do not increase (a solve that failed with a free duration).
         """
         self.require_increasing_times()
         instants = _as_numbers(t, "a time is a number of seconds")
@@ -360,15 +424,22 @@ class Solution:
         Use this to resample a motion to another number of frames: phases and jumps keep their share of the frames even
         if the durations of the steps differ.
 
-        Args:
-            index: between 0 and n, or an array of such.
-            side: ``"before"`` or ``"after"``: the value to take at a jump.
+        Parameters
+        ----------
+        index : npt.ArrayLike
+            Between 0 and n, or an array of such.
+        side : Side
+            ``"before"`` or ``"after"``: the value to take at a jump.
 
-        Returns:
+        Returns
+        -------
+        dict[str, Any]
             As :meth:`at`.
 
-        Raises:
-            UsageError: an index outside 0..n, or not a number.
+        Raises
+        ------
+        UsageError
+            An index outside 0..n, or not a number.
         """
         indices = _as_numbers(index, "a frame is given by its index")
         flat = indices.reshape(-1)
@@ -413,14 +484,20 @@ class Solution:
         method changes, the motion and its multipliers are resampled.  For a solution from a file, the spec is parsed
         once from the text in the file.
 
-        Args:
-            **changes: values of constants such as ``g=1.62``, and other arguments of :meth:`stc.pipeline.Model.solve`.
+        Parameters
+        ----------
+        **changes : Any
+            Values of constants such as ``g=1.62``, and other arguments of :meth:`stc.pipeline.Model.solve`.
 
-        Returns:
+        Returns
+        -------
+        Solution
             The new solution, whatever its status is.
 
-        Raises:
-            SpecError, UsageError: as :meth:`stc.pipeline.Model.solve`.
+        Raises
+        ------
+        SpecError, UsageError
+            As :meth:`stc.pipeline.Model.solve`.
         """
         # By name: nothing here is imported from the layers above.
         return import_module("stc.origin").resolve(self, **changes)
@@ -443,8 +520,10 @@ class Solution:
     def uncertainty(self) -> Any:
         """The standard errors of estimated parameters: a :class:`stc.studies.uncertainty.Uncertainty`.
 
-        Raises:
-            UsageError: the solution is not optimal, or the objective is not a sum of squares over rows of data.
+        Raises
+        ------
+        UsageError
+            The solution is not optimal, or the objective is not a sum of squares over rows of data.
         """
         # By name: nothing here is imported from the layers above.
         return import_module("stc.studies.uncertainty").of_solution(self)
@@ -452,14 +531,20 @@ class Solution:
     def to_dataframe(self, times: npt.ArrayLike | None = None) -> Any:
         """The motion as a pandas data frame: a row for each time, a column for each variable and derivative.
 
-        Args:
-            times: in seconds; the frames where none are given (at a jump, the values after it).
+        Parameters
+        ----------
+        times : npt.ArrayLike | None
+            In seconds; the frames where none are given (at a jump, the values after it).
 
-        Returns:
+        Returns
+        -------
+        Any
             A ``pandas.DataFrame`` with the index ``time``; spec, status, objective and parameters are in its ``attrs``.
 
-        Raises:
-            UsageError: pandas is not installed, or a time is outside of the motion.
+        Raises
+        ------
+        UsageError
+            Pandas is not installed, or a time is outside of the motion.
         """
         # By name: nothing here is imported from the layers above.
         return import_module("stc.notebooks").dataframe(self, times)
@@ -467,14 +552,20 @@ class Solution:
     def to_xarray(self, times: npt.ArrayLike | None = None) -> Any:
         """The motion as an xarray data set along ``time``; parameters are scalars in it.
 
-        Args:
-            times: in seconds; the frames where none are given (at a jump, the values after it).
+        Parameters
+        ----------
+        times : npt.ArrayLike | None
+            In seconds; the frames where none are given (at a jump, the values after it).
 
-        Returns:
+        Returns
+        -------
+        Any
             An ``xarray.Dataset``; spec, status and objective are in its ``attrs``.
 
-        Raises:
-            UsageError: xarray is not installed, or a time is outside of the motion.
+        Raises
+        ------
+        UsageError
+            Xarray is not installed, or a time is outside of the motion.
         """
         return import_module("stc.notebooks").dataset(self, times)
 
@@ -486,12 +577,17 @@ class Solution:
 
         The file is written under another name and then renamed, so that a reader never sees a partial file.
 
-        Args:
-            path: the file; its suffix selects the format.
+        Parameters
+        ----------
+        path : Path
+            The file; its suffix selects the format.
 
-        Raises:
-            UsageError: another suffix.
-            OSError: the file cannot be written.
+        Raises
+        ------
+        UsageError
+            Another suffix.
+        OSError
+            The file cannot be written.
         """
         from stc.solution_file import write
 
@@ -503,15 +599,22 @@ def read(path: Path) -> Solution:
 
     The file holds the unknowns; times, curves and the inputs of a replay are computed from them and the spec's text.
 
-    Args:
-        path: an ``.npz`` or ``.csv`` file.
+    Parameters
+    ----------
+    path : Path
+        An ``.npz`` or ``.csv`` file.
 
-    Returns:
+    Returns
+    -------
+    Solution
         The solution, with the files of its model in ``files``.
 
-    Raises:
-        UsageError: no such file, or a suffix other than ``.npz`` and ``.csv``.
-        SolutionError: the file is damaged, is not a solution, comes from a newer version, or contradicts its own text.
+    Raises
+    ------
+    UsageError
+        No such file, or a suffix other than ``.npz`` and ``.csv``.
+    SolutionError
+        The file is damaged, is not a solution, comes from a newer version, or contradicts its own text.
     """
     # By name: nothing here is imported from the layers above.
     found: Solution = import_module("stc.restated").read(path)

@@ -51,17 +51,26 @@ def assert_solves(
 ) -> Solution:
     """Solve a spec, and fail unless the solve ends with the given status.
 
-    Args:
-        spec: a path, a bundled name, the text itself, or a loaded model.
-        status: the required status.
-        method: a transcription in place of the spec's own.
-        **constants: values of constants.
+    Parameters
+    ----------
+    spec : str | os.PathLike[str] | Model
+        A path, a bundled name, the text itself, or a loaded model.
+    status : str
+        The required status.
+    method : str | None
+        A transcription in place of the spec's own.
+    **constants : float
+        Values of constants.
 
-    Returns:
+    Returns
+    -------
+    Solution
         The solution.
 
-    Raises:
-        AssertionError: another status, or mistakes in the spec, which the message lists.
+    Raises
+    ------
+    AssertionError
+        Another status, or mistakes in the spec, which the message lists.
     """
     __tracebackhide__ = True
     try:
@@ -89,18 +98,27 @@ def assert_physical(
 ) -> Certificate:
     """Validate a motion in MuJoCo, and fail unless every measurement is within its limit.
 
-    Args:
-        motion: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
-        model: a model file to use in place of the one that the spec names.
-        limits: replacements of limits, by the beginning of the metrics' names: ``{"open-loop drift": 1e-3}``.  None as
-            a limit reports without judging.
+    Parameters
+    ----------
+    motion : Solution | str | os.PathLike[str]
+        A solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
+    model : str | os.PathLike[str] | None
+        A model file to use in place of the one that the spec names.
+    limits : Limits | None
+        Replacements of limits, by the beginning of the metrics' names: ``{"open-loop drift": 1e-3}``.  None as
+        a limit reports without judging.
 
-    Returns:
+    Returns
+    -------
+    Certificate
         The certificate.
 
-    Raises:
-        AssertionError: the motion fails; the first line of the message names joint and term.
-        UsageError: a limit for something that was not measured.
+    Raises
+    ------
+    AssertionError
+        The motion fails; the first line of the message names joint and term.
+    UsageError
+        A limit for something that was not measured.
     """
     __tracebackhide__ = True
     from stc.certification import certify, motion_of
@@ -132,18 +150,28 @@ def assert_equations(
 ) -> EquationReport:
     """Compare a spec's equations of motion with its model's at random states, and fail if they differ.
 
-    Args:
-        spec: a path, a bundled name, the text itself, or a loaded model.
-        model: a model file to use in place of the one that the spec names.
-        method: a transcription in place of the spec's own.
-        states: number of random states, by default :data:`stc.validate.limits.EQUATION_STATES`.
-        **constants: values of constants.
+    Parameters
+    ----------
+    spec : str | os.PathLike[str] | Model
+        A path, a bundled name, the text itself, or a loaded model.
+    model : str | os.PathLike[str] | None
+        A model file to use in place of the one that the spec names.
+    method : str | None
+        A transcription in place of the spec's own.
+    states : int | None
+        Number of random states, by default :data:`stc.validate.limits.EQUATION_STATES`.
+    **constants : float
+        Values of constants.
 
-    Returns:
+    Returns
+    -------
+    EquationReport
         The comparison.
 
-    Raises:
-        AssertionError: a difference, with joint and term in the first line of the message, or mistakes in the spec.
+    Raises
+    ------
+    AssertionError
+        A difference, with joint and term in the first line of the message, or mistakes in the spec.
     """
     __tracebackhide__ = True
     from stc.studies.equations import check_equations

@@ -18,13 +18,20 @@ FloatArray = npt.NDArray[np.float64]
 class Metric:
     """One measured number.
 
-    Attributes:
-        name: what was measured, such as ``open-loop drift, largest``.
-        subject: on what, such as ``joint x``.
-        value: the number; infinite or not a number where the simulation broke down.
-        unit: ``m``, ``rad``, ``s``, ``share`` (of one), ``times``, or "" where it has none that is known.
-        limit: the largest value that passes, or None for a number that is reported only.
-        at_least: whether the limit is the smallest value that passes instead.
+    Attributes
+    ----------
+    name : str
+        What was measured, such as ``open-loop drift, largest``.
+    subject : str
+        On what, such as ``joint x``.
+    value : float
+        The number; infinite or not a number where the simulation broke down.
+    unit : str
+        ``m``, ``rad``, ``s``, ``share`` (of one), ``times``, or "" where it has none that is known.
+    limit : float | None
+        The largest value that passes, or None for a number that is reported only.
+    at_least : bool
+        Whether the limit is the smallest value that passes instead.
     """
 
     name: str

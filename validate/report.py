@@ -18,28 +18,50 @@ if TYPE_CHECKING:
 class Report:
     """The measurements of a validated motion.
 
-    Attributes:
-        spec: name of the spec.
-        spec_sha256: hash of its text.
-        status: how its solve ended.
-        method: transcription.
-        n: number of steps.
-        duration: of the motion, in seconds.
-        model: file name of the model.
-        model_sha256: hash of the model file.
-        fields: model fields that the spec set, by path.
-        simulator: name and version of the simulator.
-        integrator: the integrator of the replay.
-        model_integrator: the integrator that the model file asks for.
-        time_step: longest time step of the replay, in seconds.
-        steps: number of time steps of the replay.
-        tracked_by: the feedback of the tracked replay, ``LQR`` or ``PD``; "" without one.
-        metrics: all measurements.
-        claims: the figures that the solution states, with their recomputed values, and those that cannot be recomputed.
-        faults: other faults, one line each, such as a model that differs from the one that was solved for.
-        unjudged: names of the measurements that could not be made for this motion and model.
-        notes: notes for the reader.
-        seconds: wall time of the validation.
+    Attributes
+    ----------
+    spec : str
+        Name of the spec.
+    spec_sha256 : str
+        Hash of its text.
+    status : str
+        How its solve ended.
+    method : str
+        Transcription.
+    n : int
+        Number of steps.
+    duration : float
+        Of the motion, in seconds.
+    model : str
+        File name of the model.
+    model_sha256 : str
+        Hash of the model file.
+    fields : dict[str, float]
+        Model fields that the spec set, by path.
+    simulator : str
+        Name and version of the simulator.
+    integrator : str
+        The integrator of the replay.
+    model_integrator : str
+        The integrator that the model file asks for.
+    time_step : float
+        Longest time step of the replay, in seconds.
+    steps : int
+        Number of time steps of the replay.
+    tracked_by : str
+        The feedback of the tracked replay, ``LQR`` or ``PD``; "" without one.
+    metrics : Sequence[Metric]
+        All measurements.
+    claims : Claims
+        The figures that the solution states, with their recomputed values, and those that cannot be recomputed.
+    faults : Sequence[str]
+        Other faults, one line each, such as a model that differs from the one that was solved for.
+    unjudged : Sequence[str]
+        Names of the measurements that could not be made for this motion and model.
+    notes : Sequence[str]
+        Notes for the reader.
+    seconds : float
+        Wall time of the validation.
     """
 
     spec: str

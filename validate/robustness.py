@@ -48,13 +48,18 @@ KINDS: Mapping[str, str] = {
 class Envelope:
     """The errors under one kind of perturbation.
 
-    Attributes:
-        kind: one of :data:`KINDS`.
-        base: (samples,) RMS distance of the base from the solved motion, as a share of its travel; for motions that are
-            not on the ground, that of the sliding joints in m.  Infinite for a simulation that broke down.
-        joints: (samples,) RMS distance of the joints, in rad.
-        lost: (samples,) whether a joint left the solved motion by more than :data:`limits.LOST`, as when the lamp
-            falls.
+    Attributes
+    ----------
+    kind : str
+        One of :data:`KINDS`.
+    base : FloatArray
+        (samples,) RMS distance of the base from the solved motion, as a share of its travel; for motions that are
+        not on the ground, that of the sliding joints in m.  Infinite for a simulation that broke down.
+    joints : FloatArray
+        (samples,) RMS distance of the joints, in rad.
+    lost : np.ndarray
+        (samples,) whether a joint left the solved motion by more than :data:`limits.LOST`, as when the lamp
+        falls.
     """
 
     kind: str
@@ -82,15 +87,24 @@ class Envelope:
 class Robustness:
     """The envelopes of one motion.
 
-    Attributes:
-        spec: name of the spec.
-        base_unit: unit of the base's errors: ``of travel`` or ``m``.
-        seed: of the random numbers.
-        envelopes: one per kind.
-        simulator: name and version.
-        integrator: of the model, which steps here.
-        time_step: longest time step in seconds, unperturbed.
-        seconds: wall time.
+    Attributes
+    ----------
+    spec : str
+        Name of the spec.
+    base_unit : str
+        Unit of the base's errors: ``of travel`` or ``m``.
+    seed : int
+        Of the random numbers.
+    envelopes : Sequence[Envelope]
+        One per kind.
+    simulator : str
+        Name and version.
+    integrator : str
+        Of the model, which steps here.
+    time_step : float
+        Longest time step in seconds, unperturbed.
+    seconds : float
+        Wall time.
     """
 
     spec: str
@@ -167,15 +181,27 @@ def robustness(
 ) -> Robustness:
     """Replay a motion many times with small perturbations.
 
-    Args:
-        setup: the motion and its model, from :func:`stc.validate.verdict.open_setup`.
-        samples: replays per kind; the unperturbed one is a single one.
-        seed: seed of the random numbers.
-        kinds: the perturbations, of :data:`KINDS`.
+    Parameters
+    ----------
+    setup : Setup
+        The motion and its model, from :func:`stc.validate.verdict.open_setup`.
+    samples : int
+        Replays per kind; the unperturbed one is a single one.
+    seed : int
+        Seed of the random numbers.
+    kinds : Sequence[str]
+        The perturbations, of :data:`KINDS`.
 
-    Raises:
-        UsageError: no samples, an unknown kind, a motion of a single frame, or one without a motor that feedback
-            could act on.
+    Returns
+    -------
+    Robustness
+        The errors of all replays, one envelope per kind.
+
+    Raises
+    ------
+    UsageError
+        No samples, an unknown kind, a motion of a single frame, or one without a motor that feedback
+        could act on.
     """
     import mujoco
 

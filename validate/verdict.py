@@ -95,21 +95,40 @@ def validate(
 ) -> Report:
     """Replay a solution in MuJoCo and judge it.
 
-    Args:
-        solution: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
-        model: a model file to use in place of the one that the spec names.
-        force: whether to judge a solution that is not optimal.
-        time_step: longest time step of the replay, in seconds.
-        integrator: one of :data:`stc.validate.replay.INTEGRATORS`.
-        tracked: whether to replay with feedback as well.
-        statements: violations of the spec's statements between the nodes, evaluated by the caller.
+    Parameters
+    ----------
+    solution : Solution | str | os.PathLike[str]
+        A solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
+    model : str | os.PathLike[str] | None
+        A model file to use in place of the one that the spec names.
+    force : bool
+        Whether to judge a solution that is not optimal.
+    time_step : float
+        Longest time step of the replay, in seconds.
+    integrator : str
+        One of :data:`stc.validate.replay.INTEGRATORS`.
+    tracked : bool
+        Whether to replay with feedback as well.
+    statements : Sequence[StatementCheck]
+        Violations of the spec's statements between the nodes, evaluated by the caller.
 
-    Raises:
-        NotOptimalError: the solution's status is not ``optimal`` and ``force`` is not given.
-        ModelError: there is no model, or a replay line does not fit it.
-        UsageError: a solution file, time step or integrator that cannot be used.
-        SolutionError: the solution file is damaged, or time does not increase along the solution.
-        SpecError, EvaluationError: mistakes in a spec.
+    Returns
+    -------
+    Report
+        The report, with all measurements, their limits and verdicts.
+
+    Raises
+    ------
+    NotOptimalError
+        The solution's status is not ``optimal`` and ``force`` is not given.
+    ModelError
+        There is no model, or a replay line does not fit it.
+    UsageError
+        A solution file, time step or integrator that cannot be used.
+    SolutionError
+        The solution file is damaged, or time does not increase along the solution.
+    SpecError, EvaluationError
+        Mistakes in a spec.
     """
     return examine(
         solution,

@@ -32,10 +32,14 @@ SUCCESSES = 2
 class ContinuationStep:
     """One solve of a continuation.
 
-    Attributes:
-        value: value of the constant.
-        status: status of the solve.
-        objective, iterations, factorizations: results of the solve.
+    Attributes
+    ----------
+    value : float
+        Value of the constant.
+    status : str
+        Status of the solve.
+    objective, iterations, factorizations
+        Results of the solve.
     """
 
     value: float
@@ -49,14 +53,22 @@ class ContinuationStep:
 class Continuation:
     """The result of a continuation.
 
-    Attributes:
-        name: name of the constant.
-        first, last: the first and the desired last value.
-        steps: every solve in order, including failed ones.
-        solution: the last optimal solution; that of the first solve if it failed.
-        value: the constant's value there.
-        effort: totals of all solves.
-        message: why the continuation stopped early; empty if it reached the last value.
+    Attributes
+    ----------
+    name : str
+        Name of the constant.
+    first, last : float
+        The first and the desired last value.
+    steps : list[ContinuationStep]
+        Every solve in order, including failed ones.
+    solution : Solution | None
+        The last optimal solution; that of the first solve if it failed.
+    value : float
+        The constant's value there.
+    effort : Effort
+        Totals of all solves.
+    message : str
+        Why the continuation stopped early; empty if it reached the last value.
     """
 
     name: str
@@ -113,19 +125,36 @@ def continue_to(
 ) -> Continuation:
     """Change a constant in steps from ``first`` to ``last``, each solve starting from the one before.
 
-    Args:
-        model: the spec.
-        name: name of the constant.
-        first: first value; solved from the spec's guess (or as ``options`` say).
-        last: last value.
-        steps: number of steps if none fails; a step that fails is halved.
-        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
-        on_step: called with the record of every solve.
-        **options: arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves together.
+    Parameters
+    ----------
+    model : Model
+        The spec.
+    name : str
+        Name of the constant.
+    first : float
+        First value; solved from the spec's guess (or as ``options`` say).
+    last : float
+        Last value.
+    steps : int
+        Number of steps if none fails; a step that fails is halved.
+    solve : Callable[..., Solution] | None
+        Function to use in place of ``model.solve``, with the same arguments (to watch it).
+    on_step : Callable[[ContinuationStep], None] | None
+        Called with the record of every solve.
+    **options : Any
+        Arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves together.
 
-    Raises:
-        UsageError: no such constant, or no step.
-        SpecError: the first or the last value is not valid in the spec.
+    Returns
+    -------
+    Continuation
+        The continuation, with its last optimal solution.
+
+    Raises
+    ------
+    UsageError
+        No such constant, or no step.
+    SpecError
+        The first or the last value is not valid in the spec.
     """
     if not isinstance(name, str):
         raise UsageError(f"a continuation changes a constant, given by its name, not {name!r}")

@@ -54,10 +54,14 @@ class StartRecord:
 class Optimum:
     """One of the optima found.
 
-    Attributes:
-        objective: its objective.
-        starts: the starts that led to it.
-        solution: the first of its solutions.
+    Attributes
+    ----------
+    objective : float
+        Its objective.
+    starts : list[int]
+        The starts that led to it.
+    solution : Solution
+        The first of its solutions.
     """
 
     objective: float
@@ -69,12 +73,18 @@ class Optimum:
 class MultiStart:
     """The results of many starts.
 
-    Attributes:
-        starts: one record per start that was made.
-        optima: distinct optima, best first.
-        solution: the best optimum, or if there is none the solution with the least violation.
-        effort: totals of all solves.
-        message: why not all starts were made; empty if they were.
+    Attributes
+    ----------
+    starts : list[StartRecord]
+        One record per start that was made.
+    optima : list[Optimum]
+        Distinct optima, best first.
+    solution : Solution | None
+        The best optimum, or if there is none the solution with the least violation.
+    effort : Effort
+        Totals of all solves.
+    message : str
+        Why not all starts were made; empty if they were.
     """
 
     starts: list[StartRecord] = field(default_factory=list)
@@ -116,18 +126,33 @@ def multistart(
 ) -> MultiStart:
     """Solve from several starts: the spec's own guess and random ones.
 
-    Args:
-        model: the spec.
-        starts: number of starts, including the spec's own guess.
-        seed: seed of the random numbers.
-        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
-        on_start: called with the record of every solve; the index of its optimum is that known so far.
-        **options: arguments of :meth:`stc.pipeline.Model.solve`; random guesses are drawn around a given guess, and a
-            time limit applies to all solves together.
+    Parameters
+    ----------
+    model : Model
+        The spec.
+    starts : int
+        Number of starts, including the spec's own guess.
+    seed : int
+        Seed of the random numbers.
+    solve : Callable[..., Solution] | None
+        Function to use in place of ``model.solve``, with the same arguments (to watch it).
+    on_start : Callable[[StartRecord], None] | None
+        Called with the record of every solve; the index of its optimum is that known so far.
+    **options : Any
+        Arguments of :meth:`stc.pipeline.Model.solve`; random guesses are drawn around a given guess, and a
+        time limit applies to all solves together.
 
-    Raises:
-        UsageError: fewer than one start.
-        SpecError, EvaluationError: mistakes in the spec, or a guess where a function is undefined.
+    Returns
+    -------
+    MultiStart
+        The results of all starts, with the best optimum.
+
+    Raises
+    ------
+    UsageError
+        Fewer than one start.
+    SpecError, EvaluationError
+        Mistakes in the spec, or a guess where a function is undefined.
     """
     starts, seed = whole(starts, "the number of starts"), whole(seed, "the seed")
     if starts < 1:

@@ -51,18 +51,29 @@ CONFIRM = 0.1
 class Level:
     """One solve.
 
-    Attributes:
-        n: number of steps.
-        phases: number of steps in each phase with a frame count of its own.
-        status, objective, iterations, factorizations: results of the solve.
-        error: the estimate that is compared with the tolerance: the largest of ``local_error``,
-            ``quadrature_error`` and ``objective_error``.
-        grid_error: the larger figure of :func:`stc.studies.grid_error.local_grid_error`.
-        local_error: local errors of all steps together, relative.
-        quadrature_error: relative error of the objective's integrals.
-        objective_error: relative error of the objective, from its change since the level before; 0 for the first.
-        worst: the quantity with the largest local errors.
-        seconds: wall time of the solve.
+    Attributes
+    ----------
+    n : int
+        Number of steps.
+    phases : list[int]
+        Number of steps in each phase with a frame count of its own.
+    status, objective, iterations, factorizations
+        Results of the solve.
+    error : float
+        The estimate that is compared with the tolerance: the largest of ``local_error``,
+        ``quadrature_error`` and ``objective_error``.
+    grid_error : float
+        The larger figure of :func:`stc.studies.grid_error.local_grid_error`.
+    local_error : float
+        Local errors of all steps together, relative.
+    quadrature_error : float
+        Relative error of the objective's integrals.
+    objective_error : float
+        Relative error of the objective, from its change since the level before; 0 for the first.
+    worst : str
+        The quantity with the largest local errors.
+    seconds : float
+        Wall time of the solve.
     """
 
     n: int
@@ -84,16 +95,24 @@ class Level:
 class Refinement:
     """The result of a refinement.
 
-    Attributes:
-        tolerance: tolerance of the estimate.
-        levels: every solve, coarsest first.
-        solution: the best one: of those whose grid error is not gross the one on the most frames, unless one on fewer
-            has a lower objective than the errors of both explain; if all are gross, the one with the smallest error.
-        kept: index of its level.
-        trail: the levels that each refined the one before, coarsest first, without those that found another optimum.
-        effort: totals of all solves.
-        message: why the tolerance was not reached (with the position in the spec if its frames cannot be refined);
-            empty if it was.
+    Attributes
+    ----------
+    tolerance : float
+        Tolerance of the estimate.
+    levels : list[Level]
+        Every solve, coarsest first.
+    solution : Solution | None
+        The best one: of those whose grid error is not gross the one on the most frames, unless one on fewer
+        has a lower objective than the errors of both explain; if all are gross, the one with the smallest error.
+    kept : int
+        Index of its level.
+    trail : list[Level]
+        The levels that each refined the one before, coarsest first, without those that found another optimum.
+    effort : Effort
+        Totals of all solves.
+    message : str
+        Why the tolerance was not reached (with the position in the spec if its frames cannot be refined);
+        empty if it was.
     """
 
     tolerance: float
@@ -155,18 +174,34 @@ def refine(
 ) -> Refinement:
     """Refine until the estimated discretisation error is below a tolerance.
 
-    Args:
-        model: the spec; its n is that of the coarsest solve.
-        error: tolerance of the estimate (see :mod:`stc.studies.discretisation`).
-        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
-        on_level: called with the record of every solve.
-        start: a solution of the coarsest problem, if there is one already; it is not solved again.
-        most_frames: largest number of frames.
-        **options: arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves together.
+    Parameters
+    ----------
+    model : Model
+        The spec; its n is that of the coarsest solve.
+    error : float
+        Tolerance of the estimate (see :mod:`stc.studies.discretisation`).
+    solve : Callable[..., Solution] | None
+        Function to use in place of ``model.solve``, with the same arguments (to watch it).
+    on_level : Callable[[Level], None] | None
+        Called with the record of every solve.
+    start : Solution | None
+        A solution of the coarsest problem, if there is one already; it is not solved again.
+    most_frames : int
+        Largest number of frames.
+    **options : Any
+        Arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves together.
 
-    Raises:
-        UsageError: a tolerance that is not positive, or a motion of one frame.
-        SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
+    Returns
+    -------
+    Refinement
+        The refinement, with the best solution.
+
+    Raises
+    ------
+    UsageError
+        A tolerance that is not positive, or a motion of one frame.
+    SpecError, EvaluationError
+        Mistakes in the spec, or a start where a function is undefined.
     """
     error, most_frames = number(error, "the error of a refinement"), whole(most_frames, "most_frames")
     if not error > 0:

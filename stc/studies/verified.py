@@ -57,16 +57,25 @@ SOLVER_SHARE, LOOSEST, TIGHTEST = 1e-4, 1e-8, 1e-12
 class Round:
     """One solve and its replay.
 
-    Attributes:
-        n: number of steps.
-        phases: number of steps in each phase with a frame count of its own.
-        status, objective, iterations, factorizations: results of the solve.
-        judged_by: ``open loop``, ``tracked`` or ``contact forces`` (solved ones in place of the simulator's contacts);
-            empty without a replay.
-        drift: largest distance of a joint or output from the solved one over the frames, in m or rad.
-        subject: the joint or output with this distance.
-        step_error: the sum of the errors of all steps, each simulated alone, in m and rad.
-        seconds: wall time of the solve.
+    Attributes
+    ----------
+    n : int
+        Number of steps.
+    phases : list[int]
+        Number of steps in each phase with a frame count of its own.
+    status, objective, iterations, factorizations
+        Results of the solve.
+    judged_by : str
+        ``open loop``, ``tracked`` or ``contact forces`` (solved ones in place of the simulator's contacts);
+        empty without a replay.
+    drift : float
+        Largest distance of a joint or output from the solved one over the frames, in m or rad.
+    subject : str
+        The joint or output with this distance.
+    step_error : float
+        The sum of the errors of all steps, each simulated alone, in m and rad.
+    seconds : float
+        Wall time of the solve.
     """
 
     n: int
@@ -86,13 +95,20 @@ class Round:
 class Verification:
     """The result of :func:`solve_until_verified`.
 
-    Attributes:
-        tolerance: tolerance of the drift, in m and rad.
-        rounds: the rounds in order.
-        solution: the last optimal solution (that of the first solve if it was not optimal).
-        equations: the comparison of the equations of motion, if it was made.
-        effort: totals of all solves.
-        message: why the tolerance was not reached; empty if it was.
+    Attributes
+    ----------
+    tolerance : float
+        Tolerance of the drift, in m and rad.
+    rounds : list[Round]
+        The rounds in order.
+    solution : Solution | None
+        The last optimal solution (that of the first solve if it was not optimal).
+    equations : EquationReport | None
+        The comparison of the equations of motion, if it was made.
+    effort : Effort
+        Totals of all solves.
+    message : str
+        Why the tolerance was not reached; empty if it was.
     """
 
     tolerance: float
@@ -129,20 +145,37 @@ def solve_until_verified(
 ) -> Verification:
     """Add frames until the replay's drift is below a tolerance, or report why that is not possible.
 
-    Args:
-        model: the spec, with a ``replay:`` section; its n is that of the first solve.
-        drift: tolerance of the replay's drift, in m and rad.
-        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
-        on_round: called with the record of every round.
-        start: a solution of the first problem, if there is one already; it is not solved again.
-        most_frames: largest number of frames.
-        **options: arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves and replays
-            together.
+    Parameters
+    ----------
+    model : Model
+        The spec, with a ``replay:`` section; its n is that of the first solve.
+    drift : float
+        Tolerance of the replay's drift, in m and rad.
+    solve : Callable[..., Solution] | None
+        Function to use in place of ``model.solve``, with the same arguments (to watch it).
+    on_round : Callable[[Round], None] | None
+        Called with the record of every round.
+    start : Solution | None
+        A solution of the first problem, if there is one already; it is not solved again.
+    most_frames : int
+        Largest number of frames.
+    **options : Any
+        Arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves and replays
+        together.
 
-    Raises:
-        UsageError: a tolerance that is not positive, a motion of one frame, or a spec that names no model.
-        ModelError: the model is missing, or a replay line does not fit it.
-        SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
+    Returns
+    -------
+    Verification
+        The rounds, with the last optimal solution.
+
+    Raises
+    ------
+    UsageError
+        A tolerance that is not positive, a motion of one frame, or a spec that names no model.
+    ModelError
+        The model is missing, or a replay line does not fit it.
+    SpecError, EvaluationError
+        Mistakes in the spec, or a start where a function is undefined.
     """
     drift, most_frames = number(drift, "the drift"), whole(most_frames, "most_frames")
     if not drift > 0:

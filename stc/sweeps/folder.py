@@ -44,10 +44,14 @@ FACTS = (
 class Sweep:
     """The results of a sweep so far.
 
-    Attributes:
-        folder: the folder of the sweep.
-        grid: the points of the sweep.
-        facts: the facts of each point that is done, by its index: see :class:`stc.sweeps.point.Found`.
+    Attributes
+    ----------
+    folder : Path
+        The folder of the sweep.
+    grid : Grid
+        The points of the sweep.
+    facts : dict[int, dict[str, Any]]
+        The facts of each point that is done, by its index: see :class:`stc.sweeps.point.Found`.
     """
 
     folder: Path
@@ -71,8 +75,10 @@ class Sweep:
     def solution(self, index: int) -> Solution:
         """The motion of a point, as a :class:`stc.Solution`.
 
-        Raises:
-            UsageError: the point is not done, or no solution was found there.
+        Raises
+        ------
+        UsageError
+            The point is not done, or no solution was found there.
         """
         file = motion_file(self.folder, index)
         if index not in self.facts or not file.is_file():

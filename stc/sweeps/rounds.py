@@ -43,23 +43,38 @@ def sweep(
     do not depend on the number of workers or on interruptions: the same call with the same folder continues where the
     last one stopped.
 
-    Args:
-        spec: a path, a bundled name, the text, or a loaded model with constants for all points.
-        axes: the values of each swept constant, in the units of the spec.
-        folder: folder for the results; created if it is missing.
-        workers: number of processes; None for one per processor, or as set by ``joblib.parallel_config``.
-        replay: whether motions are judged in MuJoCo, if the spec names a model.
-        method, tolerance, max_iterations: arguments of every solve, as for :meth:`stc.pipeline.Model.solve`.
-        on_point: function that is called in this process with the sweep and the result after every point.
+    Parameters
+    ----------
+    spec : str | os.PathLike[str] | Model
+        A path, a bundled name, the text, or a loaded model with constants for all points.
+    axes : Mapping[str, Iterable[float]]
+        The values of each swept constant, in the units of the spec.
+    folder : str | os.PathLike[str]
+        Folder for the results; created if it is missing.
+    workers : int | None
+        Number of processes; None for one per processor, or as set by ``joblib.parallel_config``.
+    replay : bool
+        Whether motions are judged in MuJoCo, if the spec names a model.
+    method, tolerance, max_iterations
+        Arguments of every solve, as for :meth:`stc.pipeline.Model.solve`.
+    on_point : Callable[[Sweep, Found], None] | None
+        Function that is called in this process with the sweep and the result after every point.
 
-    Returns:
+    Returns
+    -------
+    Sweep
         The results: see :class:`stc.sweeps.folder.Sweep`.
 
-    Raises:
-        UsageError: invalid values, an unknown constant, or a folder that holds something else.
-        SpecError: mistakes in the spec, at the first point.
-        WorkerError: a worker process was killed; the points that were done are kept.
-        EndedError: the process was asked to stop; the points that were done are kept.
+    Raises
+    ------
+    UsageError
+        Invalid values, an unknown constant, or a folder that holds something else.
+    SpecError
+        Mistakes in the spec, at the first point.
+    WorkerError
+        A worker process was killed; the points that were done are kept.
+    EndedError
+        The process was asked to stop; the points that were done are kept.
     """
     given = {"method": method, "tolerance": tolerance, "max_iterations": max_iterations}
     given_options(tolerance, max_iterations)

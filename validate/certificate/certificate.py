@@ -38,16 +38,26 @@ class ComparedEquations(Protocol):
 class Certificate:
     """The certificate of one motion.
 
-    Attributes:
-        solution: the motion.
-        report: the validation's measurements.
-        replays: the simulations.
-        equations: the comparison of the equations of motion, if it was made.
-        source: the spec's text with its repetitions written out.
-        refused: why the equations could not be compared, if that was tried.
-        further: additional measurements, such as the observed order of convergence.
-        faults: faults that are not measurements, one line each, such as a spec that has changed since the solve.
-        more_frames: the options for twice the frames, such as ``--set n=120``.
+    Attributes
+    ----------
+    solution : Solution
+        The motion.
+    report : Report
+        The validation's measurements.
+    replays : Replays
+        The simulations.
+    equations : ComparedEquations | None
+        The comparison of the equations of motion, if it was made.
+    source : Source | None
+        The spec's text with its repetitions written out.
+    refused : str
+        Why the equations could not be compared, if that was tried.
+    further : Sequence[Metric]
+        Additional measurements, such as the observed order of convergence.
+    faults : list[str]
+        Faults that are not measurements, one line each, such as a spec that has changed since the solve.
+    more_frames : str
+        The options for twice the frames, such as ``--set n=120``.
     """
 
     solution: Solution
@@ -190,12 +200,17 @@ class Certificate:
     def write(self, path: str | os.PathLike[str], *, pictures: bool = True) -> Path:
         """Write the certificate as one HTML page that needs no other file.
 
-        Args:
-            path: file of the page; missing folders are created.
-            pictures: whether to render the filmstrip and the video.
+        Parameters
+        ----------
+        path : str | os.PathLike[str]
+            File of the page; missing folders are created.
+        pictures : bool
+            Whether to render the filmstrip and the video.
 
-        Raises:
-            OSError: the file cannot be written.
+        Raises
+        ------
+        OSError
+            The file cannot be written.
         """
         from stc.validate.certificate.page import page
 
