@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from stc.validate.metrics import Metric
 
 SAFETY = 0.5
-"""The frames that are advised are to bring an error to this share of its limit."""
+"""The advised number of frames is chosen so that the error falls to this share of its limit."""
 
 
 def certify(

@@ -164,7 +164,7 @@ def _names(stated: Stated, bodies: list[Expr]) -> set[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """What an expression reads, and the frames ``first..last`` at which that lies within the motion.
+    """The names that an expression reads, and the frames ``first..last`` at which they are within the motion.
 
     With another definition at each end of ``range`` each end is its own.
     """

@@ -47,7 +47,7 @@ class Origins:
         return begin, max(begin, self._corner(max(start, end - 1), 1))
 
     def _corner(self, offset: int, after: int) -> int:
-        """Where the character at ``offset`` begins in the spec, or with ``after`` = 1 where it ends."""
+        """The offset in the spec at which the character at ``offset`` begins, or ends with ``after`` = 1."""
         piece = max(0, bisect_right(self._begins, offset) - 1)
         length, start, end, _ = self._pieces[piece]
         if length != end - start:
@@ -55,7 +55,7 @@ class Origins:
         return min(start + offset - self._begins[piece] + after, end)
 
     def values(self, offset: int) -> str:
-        """What is repeated there, and for what: ``k = 3``; empty outside repetitions."""
+        """The values of the repetition's indices there, such as ``k = 3``; empty outside repetitions."""
         return self._pieces[max(0, bisect_right(self._begins, offset) - 1)][3]
 
 
@@ -212,7 +212,7 @@ class StcError(Exception):
     """Any error that the user can correct; its message says how."""
 
     def _render_traceback_(self) -> list[str]:
-        """What a notebook shows: the message with its place in the spec, not the calls that led to it."""
+        """The output in a notebook: the message with its place in the spec, without a traceback."""
         return str(self).splitlines()
 
 

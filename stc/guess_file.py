@@ -40,7 +40,9 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 NodeValues = tuple[FloatArray, FloatArray, FloatArray]
-"""Values at frames before (n+1,) and after (n+1,) a jump, and at midpoints (n,) or none there; NaN is no value."""
+"""Values at the frames before (n+1,) and after (n+1,) a jump, and at the midpoints: (n,) or None. NaN means no
+value.
+"""
 
 #: Names of the columns that say where a row stands.
 PLACES = ("t", "time", "frame")

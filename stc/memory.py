@@ -1,4 +1,4 @@
-"""How memory comes and goes: Python's search for unreachable cycles, and a limit to what a process takes."""
+"""Memory: Python's search for unreachable cycles, and a limit for the process."""
 
 from __future__ import annotations
 

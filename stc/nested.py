@@ -59,21 +59,23 @@ class Fineness:
 
 
 FINE = Fineness(50, 25, 6.0)
-"""Frames that show the motion: with fewer of them it may be another one. What is different on all frames has to be
-found out there, in a few iterations or in as many as from the guess: with three times fewer frames that takes 1.4 times
-as long as without them, with six times fewer no longer, with more it gains (random motions of twelve kinds; swings of
-rods and cart-poles take half as long, motions with many optima longer)."""
+"""Limits for starts from a guess. On fewer frames the optimum may be a different motion, and the solve on all frames
+then takes as many iterations as from the guess. The factor 6 is the break-even of random motions of twelve kinds: with
+three times fewer frames, both solves take 1.4 times as long as one (swings of rods and cart-poles half as long, motions
+with many optima longer)."""
 COARSE = Fineness(20, 8, 1.6), Fineness(40, 16, 1.6), Fineness(80, 32, 1.6)
-"""For starts where none is known, one after the other."""
+"""Limits if no start is known, tried one after the other."""
 APART = 4.0
-"""A motion on so many times as many frames as another one has one half way between."""
+"""Least ratio of two numbers of frames between which a third is inserted."""
 ITERATIONS = 150
-"""Where the motion on fewer frames takes more, or that on all frames from there, it is no help."""
+"""Limits of iterations: a motion on fewer frames, or the solve from it on all frames, that takes more is not worth
+while.
+"""
 NEARLY = 1e-4
-"""A motion that violates its constraints by no more is worth another start from there."""
+"""A motion with no larger violation of its constraints is used for another start."""
 WORSE = 0.05
-"""A solution whose objective is this share above that on fewer frames is another motion, and not the better one, unless
-it is alike: then it is the few frames that have flattered it."""
+"""A solution whose objective exceeds that on fewer frames by this share is a different and worse motion, unless the
+two are alike: then the objective on fewer frames was too low."""
 
 Callback = Callable[[IterationRecord], bool | None]
 

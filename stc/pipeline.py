@@ -288,7 +288,7 @@ class Model:
         return solution
 
     def _ended(self, ended: EndedError) -> Solution:
-        """What there is where a solve was ended before it had begun: its start, if that is known or can be had.
+        """The result of a solve that was ended before it had begun: its start, if that is known or can be computed.
 
         Raises:
             EndedError: it cannot.
@@ -311,7 +311,7 @@ class Model:
         fewer_first: bool,
         constants: Mapping[str, float],
     ) -> Solution:
-        """What :meth:`solve` does within its time limit; arguments as there."""
+        """The part of :meth:`solve` within its time limit; same arguments."""
         begin, worked = time.perf_counter(), time.thread_time()
         parse_seconds, self._parse_seconds = self._parse_seconds, 0.0  # counts for the first solve only
         if callback is not None and not callable(callback):
@@ -395,7 +395,7 @@ class Model:
         transcription: Transcription,
         problem: Problem,
     ) -> Start:
-        """Where to start from an earlier solution; with multipliers where it was optimal.
+        """The start at an earlier solution; with its multipliers if it is optimal.
 
         Raises:
             UsageError: it is another spec's and has none of the problem's variables.

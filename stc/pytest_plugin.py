@@ -68,7 +68,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session")
 def _solutions() -> dict[object, Solution]:
-    """What was solved in this session."""
+    """The solutions of this session."""
     return {}
 
 

@@ -161,7 +161,7 @@ def _put(cls: type, name: str, real: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _compared(cls: type) -> Callable[[Any], tuple[Any, ...]]:
-    """What gives the fields of an object that count when it is compared."""
+    """A function that returns the fields of an object that count in comparisons."""
     names = [f.name for f in _fields_of(cls).values() if f.compare]
     if len(names) > 1:
         return attrgetter(*names)
@@ -226,7 +226,7 @@ def _restore(self: Any, state: list[Any]) -> None:
 
 
 class _Constructor:
-    """What the shared constructor does for a class; it reads a table where a generated one would have been compiled.
+    """The shared constructor's steps for a class, as a table instead of generated and compiled code.
 
     Attributes:
         calls: how often it has been called.

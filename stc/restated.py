@@ -100,7 +100,7 @@ def problem_of(solution: Solution) -> Problem:
 
     Raises:
         SpecError: the text is not a spec.
-        UsageError: it has not the constants that were given.
+        UsageError: a constant in the solution's overrides is not declared in the text.
     """
     key = _key(solution.source, solution.overrides, solution.method, [*solution.files, *solution.data])
     if not _last or _last[0].key != key:

@@ -17,10 +17,10 @@ __all__ = ["BESIDE", "check_same_motion", "takes_longer"]
 
 FloatArray = NDArray[np.float64]
 Knots = NDArray[np.int_] | FloatArray
-"""Frames of the one motion and of the other that are each other's, (k,) each and rising, with both ends."""
+"""Corresponding frames of two motions, (k,) each, ascending, with both ends."""
 
 BESIDE = 1
-"""A frame number may stand this many frames beside one that scales: n/2 + 1, a - 1."""
+"""Largest offset of a frame number from one that scales with n, as in n/2 + 1 or a - 1."""
 CLOSE = 1e-9
 TRIALS = (1.0, 1.7)
 """Values of all parameters at which durations are compared."""

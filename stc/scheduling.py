@@ -30,7 +30,7 @@ from stc.symbolic.expr import ZERO, symbols
 __all__ = ["found_ranges", "write_schedule"]
 
 Range = tuple[int, int, str]
-"""First and last frame, and which way the contact slides there; nothing where it stands."""
+"""First and last frame, and the direction in which the contact slides; empty if it stands."""
 
 #: A contact stands where it bears this share of the weight.
 BEARS = 1e-2

@@ -278,7 +278,7 @@ class ColdSolve:
         return self._coarse(options, told, replace(start, another=guess), bound), fewer.ratio
 
     def _follow(self, motion: Solution) -> Start:
-        """Where it leads to on all frames."""
+        """The start on all frames at a motion that was solved on fewer."""
         before = None if self._reduced is None else self._reduced[0]
         found, self._followed = self.model.follow(motion, self.transcription, self.problem, before)
         return found

@@ -287,7 +287,7 @@ def _cone_metrics(one: ContactForces) -> list[Metric]:
 
 
 def _sliding_metrics(one: ContactForces) -> list[Metric]:
-    """How far the body slides with a force other than its friction; empty if it does not slide."""
+    """The distance over which the body slides with a force other than its friction; empty if it does not slide."""
     if one.sliding is None or not one.sliding.slides.any():
         return []
     way, limit = one.sliding.way_without, limits.SLID_WITHOUT_FRICTION

@@ -62,7 +62,7 @@ class Place:
 
     @property
     def at_origin(self) -> bool:
-        """Whether it is the origin of its body's frame."""
+        """Whether the place is the origin of its body's frame."""
         return self.kind == "body" and not any(self.offset) and not self.radius
 
     def point(self, model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:

@@ -119,7 +119,7 @@ class _Moving:
 
     @property
     def fast(self) -> bool:
-        """Whether it slides, judged by this instant alone."""
+        """Whether the contact slides, judged by this instant alone."""
         return float(np.linalg.norm(self.velocity)) > max(_SLIDES, _CANCELLED * self.whole)
 
 

@@ -49,7 +49,7 @@ End = Callable[[str], int]
 
 
 class _State:
-    """How and when the command ends; shared by the main thread and the guarding thread."""
+    """The command's deadline and state; shared by the main thread and the guarding thread."""
 
     end = math.inf  # when this thread begins to end the command, on the clock of `time.perf_counter`
     latest = math.inf  # when it has to have begun to write what there is

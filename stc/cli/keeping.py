@@ -1,4 +1,4 @@
-"""What is there is not lost: an earlier solution where a solve does not end well, and what a command reads."""
+"""Protection of existing files: of earlier solutions if a solve fails, and of the files that a command reads."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class Line:
 
     @property
     def due(self) -> bool:
-        """Whether it is time for an update."""
+        """Whether the display is due for an update."""
         return self.visible and time.monotonic() >= self._next_update
 
     def show(self, text: str) -> None:

@@ -1,4 +1,4 @@
-"""How a model can stand: its lowest points, and a balanced pose close to a given one.
+"""The stance of a model: its lowest points, and a balanced pose close to a given one.
 
 The pose in a file often has straight legs, feet that are not level, and the centre of mass beside them.  Such a pose
 is hard or impossible to hold, because a straight leg cannot push.  This module bends the knees, and moves the joints

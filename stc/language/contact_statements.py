@@ -76,7 +76,7 @@ class Contact:
 
     @property
     def soft(self) -> bool:
-        """Whether it lands without an impact."""
+        """Whether the contact lands without an impact."""
         return "soft" in self.options
 
     @property
@@ -135,7 +135,7 @@ def _variables_in(e: Expr) -> list[str]:
 # ------------------------------------------------------------------------- writing it out
 
 Line = tuple[str, syntax.Node | None]
-"""A line of what contacts stand for, and the statement of the section that it is there for; None for a head."""
+"""A line of the statements that contacts stand for, and the contact statement it comes from; None for a heading."""
 
 
 class Writer:

@@ -197,7 +197,7 @@ class _Elaborator(Context):
         return [] if self.model_statements is None else self.model_statements.impulses()
 
     def _step_span(self) -> Span | None:
-        """Where the spec says what the step is."""
+        """The place of the step's definition in the spec."""
         entry = self.table.entries.get("h")
         return None if entry is None else Span(self.source, entry.start, entry.end)
 

@@ -69,7 +69,7 @@ MAX_ORDER = 20
 LONG_SUM = 8
 
 UNKNOWN = sym(ConstantRef("?"))
-"""Stands in for what could not be understood; the builder is then ``poisoned``."""
+"""Placeholder for an expression with an error; the builder is then ``poisoned``."""
 
 INDEX = sym(IndexRef())
 TIME = sym(TimeRef())

@@ -29,7 +29,7 @@ class Unknown(Exception):
 
 
 Resolve = Callable[[syntax.Name], tuple[float, float]]
-"""Gives a name as ``(a, b)``, meaning ``a*i + b``; raises :class:`NotANumber` or :class:`Unknown`."""
+"""Returns the value of a name as ``(a, b)``, meaning ``a*i + b``; raises :class:`NotANumber` or :class:`Unknown`."""
 
 
 def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
@@ -130,7 +130,7 @@ def _applied(node: syntax.Expression, name: str, function: Callable[..., float],
 
 
 def arity_message(function: str, given: int) -> str:
-    """What to say when a function is called with the wrong number of arguments."""
+    """The message for a function called with the wrong number of arguments."""
     wanted = FUNCTIONS[function]
     return f"`{function}` takes {wanted} argument{'s' if wanted != 1 else ''}, not {given}"
 

@@ -59,7 +59,7 @@ def _is_root(node: Expr) -> bool:
 
 
 def _is_between(node: Expr) -> bool:
-    """Whether it is a power with an exponent between 1 and 2."""
+    """Whether the node is a power with an exponent between 1 and 2."""
     return node.op == "pow" and node.args[1].op == "num" and 1.0 < node.args[1].payload < 2.0
 
 

@@ -130,7 +130,7 @@ def centre_velocity(kinematics: Kinematics, parts: Loads) -> Vector:
 
 def _over_mass(v: Vector, mass: Expr) -> Vector:
     if mass is ZERO:
-        raise ValueError("the centre of mass of what has no mass")
+        raise ValueError("bodies without mass have no centre of mass")
     return scaled(div(ONE, mass), v)
 
 

@@ -35,7 +35,7 @@ Rotation = NDArray[np.float64]
 #: Entries of constant rotations this close to 0, 1 or -1 are meant to be these.
 _NOISE = 1e-14
 WORLD = -1
-"""The segment of bodies that nothing moves."""
+"""The segment of all fixed bodies."""
 
 
 @dataclass(frozen=True, slots=True)

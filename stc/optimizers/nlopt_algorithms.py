@@ -15,7 +15,7 @@ from stc.solver.nlp import NLP
 __all__ = ["ALGORITHMS", "LARGE", "Algorithm", "Choice", "caution", "choose", "has_long_steps", "require"]
 
 LARGE = 500
-"""Variables from which on dense algebra is worth a warning."""
+"""Number of variables above which a warning about dense algebra is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,5 +244,5 @@ def _is_dense(choice: Choice) -> bool:
 
 
 def _unknowns(nlp: NLP) -> int:
-    """How many variables are not fixed."""
+    """The number of variables that are not fixed."""
     return int((nlp.x_lower != nlp.x_upper).sum())

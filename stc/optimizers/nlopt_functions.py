@@ -45,7 +45,7 @@ class Functions:
         self._inequality_entries = self._entries([self.above, self.below], sign)
 
     def _entries(self, parts: list[Any], sign: Floats) -> tuple[Any, Any, Any, Floats]:
-        """Where each Jacobian entry goes in a dense matrix of these rows and the free variables."""
+        """The position of each Jacobian entry in a dense matrix of these rows and the free variables."""
         nlp = self.nlp
         column = np.full(nlp.n, -1)
         column[self.free] = np.arange(len(self.free))

@@ -18,7 +18,7 @@ from stc.solver.status import NO_MINIMUM, Status, advice, sentence
 __all__ = ["Judgement", "judge", "point_result"]
 
 GAIN = 100.0
-"""The first-order gain that is let pass, as a multiple of the tolerance of the optimality error."""
+"""The accepted first-order gain, as a multiple of the tolerance of the optimality error."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,12 +32,14 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.integer]
 
 NOTHING = 1e-5
-"""A side counts as nothing below this; an order of magnitude above what is left where multipliers have no limit."""
+"""A side below this counts as 0. It is ten times the remainder where multipliers are unbounded."""
 CLOSE = 1e-6
 SIGN = 1e-4
-"""Multipliers within this share of the largest one count as 0; so do descents within it of the largest slope."""
+"""Multipliers below this share of the largest one count as 0, and so do descents below this share of the largest
+slope.
+"""
 MOST_SIDES, MOST_UNKNOWNS = 8, 20_000
-"""For choosing sides one way and the other at so many pairs at most."""
+"""Largest numbers of pairs and of unknowns for which both choices of sides are tried."""
 
 
 @dataclass(frozen=True, slots=True)

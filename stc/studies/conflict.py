@@ -34,9 +34,9 @@ NEGLIGIBLE = 1e-5
 CLOSE = 1e-4
 QUICK_ITERATIONS, ITERATIONS = 100, 500
 REVISIONS = 4
-"""Sets of statements that may turn out to be no conflict before the search is given up."""
+"""Number of sets of statements without a conflict after which the search ends."""
 TESTING = 0.5
-"""Share of the time limit that is added for the test of what was found."""
+"""Share of the time limit that is added for testing the result."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,14 +44,14 @@ __all__ = ["Estimate", "estimate"]
 FloatArray = NDArray[np.float64]
 
 POINTS = 6
-"""Gauss quadrature in every step, exact to order 12; an even number of places, none of which is a node."""
+"""Points of Gauss quadrature in every step, exact to order 12. Their number is even, so that none is a node."""
 PICARD = 3
 """Corrections by the equations; the second makes the local error of hermite-simpson exact to leading order, the third
-tells whether they converge."""
+shows whether they converge."""
 STEP = 1e-5
-"""Of a derivative, for differences of the equations."""
+"""Step of difference quotients of the equations."""
 DIVERGES = 0.5
-"""A correction that changes the local error by more than this share of what the one before did: the step is long."""
+"""The step is too long if a correction changes the local error by more than this share of the previous change."""
 
 
 def _gauss(points: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -73,7 +73,7 @@ SHARES, WEIGHTS, INTEGRALS = _gauss(POINTS)
 States = dict[tuple[str, int], FloatArray]
 
 CHUNK = 4096
-"""Steps that are looked at in one go."""
+"""Number of steps that are evaluated together."""
 
 
 @dataclass(frozen=True, slots=True)

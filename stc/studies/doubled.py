@@ -24,14 +24,14 @@ from stc.trajectory import Channel
 __all__ = ["FROM_COARSER", "LEAST_RANGE", "apart", "change_when_doubled", "range_of"]
 
 FROM_COARSER = 100
-"""Iterations from the solution on fewer frames; where that is near one on more it takes two or three, or some tens."""
+"""Limit of iterations from the solution on fewer frames. Near a solution it takes two or three, or some tens."""
 LEAST_RANGE = 1e-6
-"""Of the largest range of all: what varies by less counts as still."""
+"""A variable whose range is below this share of the largest range counts as constant."""
 SHARE_OF_TIME, LEAST_TIME = 0.25, 1.0
-"""The finer solve may take this share of the processor time that the solution took, or so many seconds of it."""
+"""Limits of the finer solve's processor time: a share of that of the solution, and a least number of seconds."""
 FEW, LATE = 20, 2.0
-"""Iterations that the finer solve is reckoned to take: it is not begun where these alone are too many.  Once begun it
-may take so many times what is allowed, lest the answer hang on a hair."""
+"""The number of iterations expected of the finer solve, which is not begun if these exceed its time limit; once begun,
+it may take this multiple of the limit, so that the result does not depend on small differences of speed."""
 
 
 def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float, dict[str, float]] | None:

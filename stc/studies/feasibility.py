@@ -24,9 +24,9 @@ FloatArray = NDArray[np.float64]
 __all__ = ["ElasticProblem", "FeasibilityProblem"]
 
 SIZES = (1e-3, 1e3)
-"""What rows are brought to one size from; those beyond are brought as far."""
+"""The range within which rows are scaled to one size; those outside are scaled by the same factor as its end."""
 FIRST = 1e-2
-"""First value of p and q beyond what the start needs."""
+"""First value of p and q in excess of the violations at the start."""
 
 
 class FeasibilityProblem:

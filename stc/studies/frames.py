@@ -33,12 +33,12 @@ __all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for"]
 FloatArray = NDArray[np.float64]
 
 ORDER = {"stepping": 1, "central": 2, "trapezoidal": 2, "hermite-simpson": 4}
-"""Order of a motion's error in its step: a step's own is higher by one, and there are the more steps."""
+"""Order of a motion's error in the step size; the local error's order is higher by one."""
 LOWEST_ORDER = 0.7
-"""Kinks lower the order; what was observed counts, but not less than this."""
+"""Least order that is assumed if the observed order is lower, as it is with kinks."""
 
 MOST_AT_ONCE = 8
-"""No phase gets more than so many times as many frames from one solve to the next."""
+"""Largest factor by which the frames of a phase increase from one solve to the next."""
 
 
 @dataclass(slots=True)

@@ -56,11 +56,11 @@ FloatArray = NDArray[np.float64]
 GROSS = 0.01
 """An error above this share of the objective, or of the range of a variable, is gross."""
 NO_GUESS = 0.1
-"""Above this share: what was found is not a motion that could be a guess."""
+"""Above this share, the solution is not usable as a guess."""
 CORNER, WIGGLE = 1.0 / 12.0, 0.2
-"""Of a step times what a rate changes by where it turns somewhere in it: what the states are off by, on average."""
+"""Average error of the states, as a share of the step times the change of a rate that has a kink within the step."""
 WHOLE = 1.0
-"""An error of the whole range, or objective, says all that there is to say."""
+"""Estimates are cut off at this share: the whole range, or the whole objective."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,13 +29,15 @@ __all__ = ["MultiStart", "Optimum", "StartRecord", "multistart"]
 FloatArray = NDArray[np.float64]
 
 WAVES = 4
-"""How many cosines a random curve has."""
+"""Number of cosines in a random curve."""
 SAME_OBJECTIVE, SAME_MOTION = 1e-6, 1e-2
-"""Optima are the same when their objectives differ relatively, and their motions as a share of their range, by less."""
+"""Optima are the same if their objectives differ by less than this share, and their motions by less than this share
+of their range.
+"""
 ATTEMPTS = 5
-"""How often a start at which a function is undefined is tried again, half as far away."""
+"""Number of times that a start at which a function is undefined is moved half as far away."""
 FAR = 10.0
-"""Bounds count as nominal where they are this many times farther away than the guess's own size."""
+"""Bounds are ignored if they are this many times farther away than the size of the guess."""
 
 
 @dataclass(frozen=True, slots=True)

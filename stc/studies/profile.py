@@ -167,7 +167,7 @@ class Part:
     """One line of the profile.
 
     Attributes:
-        name: what the time was spent on.
+        name: of the part of the work.
         seconds: wall time.
         calls: number of calls, 0 if that does not apply.
         floor: lower bound in seconds for the present program; None if it is not known.

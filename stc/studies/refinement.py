@@ -29,20 +29,20 @@ from stc.studies.grid_error import GROSS, NO_GUESS, local_grid_error
 __all__ = ["Level", "Refinement", "refine"]
 
 SAFETY = 0.5
-"""The next solve is to have this share of the tolerance."""
+"""The next solve aims at this share of the tolerance."""
 MOST_LEVELS = 20
 MOST_FRAMES = 50_000
 MOST_FROM_GROSS = 2
-"""So many times as many frames at most, where the grid error is gross."""
+"""Largest factor by which frames increase if the grid error is gross."""
 MOST_TRIES = 3
-"""So many solves in a row may lead elsewhere, or nowhere, each on fewer frames than the one before; the last one is on
-hardly more frames than the solution that it starts from, and may take long."""
+"""Number of solves in a row that may fail or find another optimum. Each is on fewer frames than the one before; the
+last one has hardly more frames than the solution that it starts from, and may take long."""
 AT_LAST = 2000
-"""Iterations of that one: along a flat valley of the objective its optimum may be far all the same."""
+"""Limit of iterations of the last one, whose optimum may still be far away along a flat valley of the objective."""
 WITHIN = 3.0
-"""So many times their estimated errors two objectives of one optimum may lie apart."""
+"""Largest difference between two objectives of the same optimum, as a multiple of their estimated errors."""
 NO_FALL = 0.95
-"""An error that falls by less than this factor twice does not fall."""
+"""The refinement stops if the error falls by less than this factor twice."""
 CONFIRM = 0.1
 """An estimate that is below the tolerance, but by less than this factor, is confirmed by a finer solve."""
 

@@ -30,13 +30,13 @@ __all__ = ["Ringing", "ringing"]
 FloatArray = NDArray[np.float64]
 
 LEAST_NODES = 8
-"""Alternating at so many nodes one after the other is no accident."""
+"""Least number of successive nodes at which a control that rings alternates."""
 LEAST = 0.05
-"""Of the range of a control: what alternates by less is not worth a word."""
+"""Alternations below this share of the control's range are not reported."""
 ALIKE = 0.25
-"""Neighbouring alternations are at least this share of each other."""
+"""Least ratio of neighbouring alternations."""
 COST = 1e-4
-"""Of the objective: what the rate term of the remedy costs where the control goes through its range in one step."""
+"""Cost of the proposed rate term, as a share of the objective, for a control that crosses its range in one step."""
 
 
 @dataclass(frozen=True, slots=True)

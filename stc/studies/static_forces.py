@@ -82,7 +82,7 @@ def _multiple(gap: FloatArray, forces: FloatArray) -> bool:
 
 
 def _parts(tables: Tables, mechanics: ModelEquations) -> list[_Part]:
-    """What the model's side of the column without accelerations consists of, gravity and springs first."""
+    """The terms of the model's side in the column without accelerations, gravity and springs first."""
     base, k = tables.base, len(mechanics.joints)
     still, friction = np.zeros_like(base.q), np.zeros_like(base.q)
     for s, (q, qd) in enumerate(zip(base.q, base.qd)):

@@ -87,7 +87,7 @@ class TakingApart:
         maps: FloatArray,
         forces: Sequence[str],
     ) -> None:
-        """What the tables are made from.
+        """The source of the tables.
 
         Args:
             mechanics: the model.

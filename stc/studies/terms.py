@@ -74,7 +74,8 @@ class Difference:
 def differences(
     spec: FloatArray, model: FloatArray, terms: Sequence[Term], joints: Sequence[str]
 ) -> list[Difference]:
-    """Where two tables differ, first the entry that differs most for the size of its kind in its own row.
+    """The entries in which two tables differ; first the one with the largest difference relative to its kind in its
+    row.
 
     A wrong inertia somewhere in a chain adds the same to the rows of all joints before it; it weighs most in the
     row of the joint that carries least.

@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 __all__ = ["Round", "Verification", "solve_until_verified"]
 
 SAFETY = 0.5
-"""The next round is to have this share of the tolerance."""
+"""The next round aims at this share of the tolerance."""
 MOST_ROUNDS = 10
 MOST_FRAMES = 20_000
 NO_FALL = 0.7
-"""A drift that is not below this share of the last one, with more frames, does not fall."""
+"""The search stops if, with more frames, the drift is not below this share of the last one."""
 SURELY_WRONG = 1e-6
-"""An inverse-dynamics residual above this share is no rounding, even where the equations agree."""
+"""An inverse-dynamics residual above this share is not a rounding error, even if the equations agree."""
 SOLVER_SHARE, LOOSEST, TIGHTEST = 1e-4, 1e-8, 1e-12
 """The solver's tolerance as a share of the drift's, and the range that it is kept in."""
 

@@ -1,4 +1,4 @@
-"""How many arithmetic operations derivatives take: as naive chain-rule trees, simplified, and shared.
+"""The number of arithmetic operations of derivatives: as naive chain-rule trees, simplified, and shared.
 
 An *operation* is any node that is not a literal or a symbol; a function call counts as one.
 
@@ -18,7 +18,7 @@ from stc.symbolic.node import Expr
 from stc.symbolic.traverse import reachable
 
 Sizes = tuple[int, ...]
-"""Sizes of a tree, of its derivative, of its second derivative, ..."""
+"""Sizes of a tree and of its derivatives, by order."""
 
 CHAIN_RULE: Final[dict[str, Any]] = {
     # Operands are "a" and "b", their derivatives "a'" and "b'", any literal "l"; "power" has a literal

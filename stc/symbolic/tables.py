@@ -28,10 +28,10 @@ __all__ = ["KINDS", "OUTSIDE", "At", "Table", "TableRef", "interpolated", "look"
 FloatArray = NDArray[np.float64]
 
 KINDS: Final = ("cubic", "monotone", "linear")
-"""How a table is interpolated: with continuous second derivatives, without overshooting, or by straight lines."""
+"""The interpolations: with continuous second derivatives, without overshoot, or linear."""
 
 OUTSIDE: Final = ("extend", "hold", "error")
-"""What holds outside of a table: the straight line with its slope at the end, its last value, or nothing at all."""
+"""The continuations outside a table: a straight line with the slope at the end, the last value, or none."""
 
 ORDER: Final = 4
 """Coefficients per piece and argument: those of a cubic polynomial, from the constant term up."""
@@ -44,24 +44,26 @@ LOWEST, SCALE, LAST, BUCKETS, BEGINS, ORIGIN, STEP = range(AXIS)
 
 ``LOWEST``, ``SCALE``, ``LAST``: ``(x - LOWEST)*SCALE``, rounded down and kept between 0 and ``LAST``, is the piece of x
 where places are evenly spaced, else its bucket.
-``ORIGIN``, ``STEP``: of even places; piece k is zero at ``ORIGIN + k*STEP``.
-``BUCKETS``: of others; where buckets are described, counted from the first number of the table.  Where no bucket has
-more than :data:`TOLD` places in it, each is four numbers: where the first piece that may be meant is zero, the places
-that come after that, and the number of this piece.  Else it is that number alone.
-``BEGINS``: of these; where it is told where each piece is zero and begins, counted likewise.
+``ORIGIN``, ``STEP``: for evenly spaced places; piece k is zero at ``ORIGIN + k*STEP``.
+``BUCKETS``: for other places; the index of the description of the buckets, counted from the first number of the table.
+If no bucket has more than :data:`TOLD` places in it, each is described by four numbers: the zero of its first piece,
+the places after it, and the number of this piece; otherwise by that number alone.
+``BEGINS``: in the latter case, the index of the zeros and the beginnings of all pieces, counted likewise.
 """
 BUCKET: Final = 4
 FIRST: Final = BUCKET - 1
 TOLD: Final = BUCKET - 2
-"""Numbers of a bucket, where that of its first piece stands among them, and the places that it tells."""
+"""The numbers that describe a bucket, the index of its first piece's number among them, and the number of its
+places.
+"""
 HEADER: Final = 2 * AXIS + 2
 COEFFICIENTS, ROW = 2 * AXIS, 2 * AXIS + 1
-"""After the headers of two axes: where coefficients begin, and how far the rows of the first argument lie apart."""
+"""After the headers of two axes: the index of the first coefficient, and the stride of the first argument."""
 
 MOST_BUCKETS: Final = 1 << 18
-"""So many buckets a table has at most, or as many as it has places."""
+"""Largest number of buckets of a table with fewer places."""
 MOST_AT_HAND: Final = 1 << 12
-"""Buckets up to which the nearest caches hold them."""
+"""Number of buckets that fit into the nearest caches."""
 #: Places that are as even as rounding lets them be are taken to be so, in units of the last digit of the largest.
 _EVEN: Final = 4.0
 _SLACK: Final = 2.0**-46

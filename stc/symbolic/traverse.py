@@ -128,7 +128,7 @@ NUMPY_MEANING: Final[dict[str, Callable[..., Any]]] = {
     "look": look,
     "at": At,
 }
-"""What each operator means."""
+"""The NumPy function of each operator."""
 
 
 def evaluate_all(roots: Sequence[Expr], values: Mapping[Hashable, Any]) -> list[Any]:

@@ -44,7 +44,7 @@ from stc.transcription.layout import Layout
 from stc.transcription.statements import Statements
 
 AT_ONCE = 1_000_000
-"""Places of outputs that are looked at together."""
+"""Number of output places that are processed together."""
 
 
 class _Outputs:

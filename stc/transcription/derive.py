@@ -30,7 +30,7 @@ from stc.transcription.lower import DataRef
 from stc.transcription.statements import Row, Summand
 
 REMEMBERED = 64
-"""Groups whose derivatives this process keeps."""
+"""Number of groups whose derivatives this process keeps."""
 GRADIENT, JACOBIAN, HESSIAN = 1, 2, 3
 
 
@@ -107,7 +107,7 @@ class Group:
 
     @property
     def programs(self) -> Derived:
-        """What :func:`derive` has found."""
+        """The result of :func:`derive`."""
         assert self.derived is not None
         return self.derived
 
@@ -167,7 +167,7 @@ class Group:
 
 
 _PARTNER = {"sin": "cos", "cos": "sin"}
-"""Functions that take hardly longer together than one of them does."""
+"""Pairs of functions whose joint evaluation takes hardly longer than one."""
 
 
 def _kept(bodies: Sequence[Expr], derivatives: Sequence[Expr], inputs: Set[object]) -> list[Expr]:

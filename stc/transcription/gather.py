@@ -142,7 +142,7 @@ class Copying:
 
     @classmethod
     def of(cls, source: PlaceArray, at: PlaceArray | None = None) -> Copying:
-        """What goes from some places to others, (k,) both; to 0, 1, 2, ... by default."""
+        """The transfer between two lists of places, both (k,); by default to 0, 1, 2, ..."""
         if at is None:
             at = np.arange(len(source), dtype=np.int32)
         new = np.ones(len(at), bool)
@@ -164,7 +164,7 @@ class Copying:
 
     @classmethod
     def to(cls, at: PlaceArray) -> Copying:
-        """What goes from places 0, 1, 2, ... to those given, (k,)."""
+        """The transfer from places 0, 1, 2, ... to the given ones, (k,)."""
         return cls.of(np.arange(len(at), dtype=np.int32), at)
 
     def bind(self, buffer: FloatArray, scale: FloatArray, out: FloatArray, status: FloatArray) -> list[Bound]:

@@ -107,7 +107,7 @@ class Grid:
         return Nodes(position[order], side[order])
 
     def step_nodes(self) -> Nodes:
-        """One node inside every step, for what belongs to the step itself. (n,)"""
+        """The midpoints of all steps, for quantities that are defined once per step. (n,)"""
         return Nodes(2 * np.arange(self.n) + 1, np.zeros(self.n, np.int64))
 
     def pieces(

@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 
 Statement = tuple[str, str]
-"""Kind (``row`` or ``link``) and text of what rows come from."""
+"""Kind (``row`` or ``link``) and text of the statement that rows come from."""
 
 
 Rows = tuple[Nodes, IntArray, IntArray]

@@ -29,7 +29,9 @@ APART = 1e-9
 KEPT = 4
 
 SAME, MOST_OFF = 0.2, 1e3
-"""Objectives whose logarithms differ by less count as equal; a ratio beyond the other says nothing."""
+"""Objectives whose logarithms differ by less than the first count as equal; differences above the second are
+ignored.
+"""
 
 
 def resample_multipliers(
@@ -69,7 +71,7 @@ def _of_owners(several: NDArray[np.bool_], owner: IntArray) -> NDArray[np.bool_]
 
 
 def occurrence(nodes: Nodes) -> IntArray:
-    """How many earlier entries stand on the same node; entries are in order of time. (k,)"""
+    """The number of earlier entries at the same node; entries are in order of time. (k,)"""
     code = 4 * nodes.position + nodes.side
     first = np.searchsorted(code, code, side="left")
     return np.arange(len(code)) - first
@@ -126,7 +128,9 @@ class _Weights:
 
 
 def _shares(nodes: Nodes, n: int, alignment: Alignment | None = None) -> FloatArray:
-    """Where in the motion of n steps each node lies, from 0 to 1; with an alignment, one of the old motion. (k,)"""
+    """The place of each node in the motion of n steps, from 0 to 1; with an alignment, its place in the old motion.
+    (k,)
+    """
     frame = 0.5 * nodes.position
     frame = frame if alignment is None else alignment.to_new(frame)
     aside = np.where(nodes.side == BEFORE, -APART, np.where(nodes.side == AFTER, APART, 0.0))

@@ -112,7 +112,7 @@ def links(method: str, name: str, order: int, h: Expr) -> list[Expr]:
 
 
 def link_nodes(grid: Grid) -> Nodes:
-    """Where the links stand: one node for every step. (n,)"""
+    """The nodes of the links: one for every step. (n,)"""
     steps = np.arange(grid.n)
     if grid.has_midpoints:
         return Nodes(2 * steps + 1, np.zeros(grid.n, np.int64))

@@ -53,7 +53,7 @@ class Stated:
 
     @property
     def row_count(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return sum(len(row.nodes) for row in self.statements.rows)
 
     def recovery(self, x: FloatArray, constants: Mapping[str, float] | None = None) -> Recovery:

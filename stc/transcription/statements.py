@@ -51,7 +51,7 @@ class Row:
 class Bound:
     """``lower <= coefficient*unknown + rest <= upper``: a bound on one decision variable.
 
-    ``unknown`` is None where nothing unknown is left: then the relation either holds or contradicts itself.
+    ``unknown`` is None if the relation contains no decision variable; it is then either true or a contradiction.
     """
 
     unknown: VariableRef | ParameterRef | None

@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 
 
 LARGEST_KEPT = 3_000_000
-"""Variables and rows of the largest program that is kept for the case that its numbers are bound again."""
+"""Largest number of variables and rows of a program that is kept to be bound to other numbers."""
 
 
 @dataclass(frozen=True, slots=True)

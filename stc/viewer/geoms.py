@@ -23,7 +23,7 @@ class Geoms:
         self._known: dict[int, tuple[Shape, mujoco.MjvGeom]] = {}
 
     def of(self, shapes: Sequence[Shape]) -> list[mujoco.MjvGeom]:
-        """One geom per shape, in order; those beyond :data:`MOST` are left out, the first of them first."""
+        """One geom per shape, in order; only the last :data:`MOST` shapes have one."""
         shown = shapes[max(0, len(shapes) - MOST) :]
         # The shape is kept along with its geom so that its identity cannot pass to another one.
         known = {id(shape): self._known.get(id(shape)) or (shape, make_geom(shape)) for shape in shown}

@@ -66,12 +66,12 @@ class LiveSolve:
 
     @property
     def stopping(self) -> bool:
-        """Whether it has been asked to."""
+        """Whether the solver has been asked to stop."""
         return self._stop.is_set()
 
     @property
     def running(self) -> bool:
-        """Whether it still works."""
+        """Whether the solve is still running."""
         return not self._done.is_set()
 
     def wait(self, seconds: float | None = None) -> bool:

@@ -275,7 +275,9 @@ class Motion:
 
 
 def _places(setup: Setup) -> list[tuple[str, int]]:
-    """What the spec compares or the outermost bodies, and what touches the ground or is pushed."""
+    """The points that the spec compares, or else the outermost bodies, and those that touch the ground or are
+    pushed.
+    """
     found = dict.fromkeys(usual_places(setup))
     forces = setup.all_forces
     for place in forces.wrenches(np.zeros(len(forces))):

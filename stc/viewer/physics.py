@@ -122,12 +122,12 @@ class Recording:
 
     @property
     def done(self) -> bool:
-        """Whether it has ended."""
+        """Whether the simulation has ended."""
         return self._done.is_set()
 
     @property
     def share(self) -> float:
-        """How much of the motion has been simulated, 0 to 1."""
+        """The simulated share of the motion, 0 to 1."""
         times = self._times
         if not times:
             return 0.0
@@ -145,7 +145,7 @@ class Recording:
         return self._states[k]
 
     def positions(self, instants: FloatArray) -> FloatArray:
-        """(k, nq) positions at some instants; NaN where there are none."""
+        """The simulated joint positions at given times, (k, nq); NaN for times that are not simulated yet."""
         found = np.full((len(instants), self._setup.compiled.nq), np.nan)
         for k, instant in enumerate(instants):
             state = self.at(float(instant))

@@ -208,7 +208,12 @@ WRONG = [
     (FILE, "a,b", "`d.csv` contains no table", 'd = "d.csv"'),
     (FILE, "0,1\n1,2", "line 1 of `d.csv` holds numbers; it has to name the columns", 'd = "d.csv"'),
     (FILE, "a,b\n0,1\n1,2,3", "line 3 of `d.csv` has 3 cells for 2 columns", 'd = "d.csv"'),
-    (FILE, "a,b\n0,1\n\n# so\n1,two", "line 5 of `d.csv` has `two` for b, which is not a number", 'd = "d.csv"'),
+    (
+        FILE,
+        "a,b\n0,1\n\n# so\n1,two",
+        "line 5 of `d.csv` has `two` for b, which is not a number",
+        'd = "d.csv"',
+    ),
     (FILE, "a,b\n0,1\n1,-inf", "line 3 of `d.csv` has `-inf` for b, which is not a number", 'd = "d.csv"'),
     (FILE, "a,a\n0,1\n1,2", "`d.csv` has two columns `a` on line 1", 'd = "d.csv"'),
     (FILE, "a,\n0,1\n1,2", "column 2 of `d.csv` has no name on line 1", 'd = "d.csv"'),

@@ -71,5 +71,5 @@ def sampled(solution: Solution) -> tuple[FloatArray, dict[str, FloatArray]]:
 
 
 def _ends(n: int, inside: int) -> np.ndarray:
-    """Where the right end of each step goes among the points of all steps."""
+    """The index of each step's right end among the points of all steps."""
     return inside * np.arange(1, n + 1)

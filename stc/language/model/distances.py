@@ -47,7 +47,9 @@ class Pair:
 
     @property
     def widths(self) -> list[str]:
-        """The names of the upper bounds on the extent of each half segment but the first along the direction."""
+        """The names of the unknowns that bound the extent of the half segments along the direction; the first has
+        none.
+        """
         return [f"{self.name}.w{k}" for k in range(1, len(self.apart.halves))]
 
 

@@ -74,7 +74,7 @@ class Holding:
     surface: str = ""
 
     def stands(self, step: int) -> bool:
-        """Whether it holds over the step that begins at a frame."""
+        """Whether the constraint holds over the step that begins at a frame."""
         return self.frames.first <= step < self.frames.last
 
 

@@ -188,7 +188,9 @@ class Schedule:
         frame = self.paths.frame(of, rest[0])
         if of != "geom":
             if kind == "foot":
-                raise PathError("a foot stands on the face of a box", "write `foot(geom.NAME)`")
+                raise PathError(
+                    "`foot` needs a box geom, on whose lower face it stands", "write `foot(geom.NAME)`"
+                )
             return Contact(name, kind, statement, (of, rest[0]), frame)
         index = index_of(self.scope.mechanism.geoms, rest[0])
         assert index is not None

@@ -334,7 +334,7 @@ class Standing:
         return self._repeated(one) is not None
 
     def _comes_back(self, one: Holding) -> bool:
-        """Whether it holds throughout a periodic motion, so that its last step is redundant."""
+        """Whether the contact holds throughout a periodic motion, so that its last step is redundant."""
         names: list[str] = []
         at: Holding | None = one
         while at is not None and at.frames.last == self.context.n and at.name not in names:
