@@ -53,15 +53,13 @@ the places after it, and the number of this piece; otherwise by that number alon
 BUCKET: Final = 4
 FIRST: Final = BUCKET - 1
 TOLD: Final = BUCKET - 2
-"""The numbers that describe a bucket, the index of its first piece's number among them, and the number of its
-places.
-"""
+"""The index of the first piece's number among the numbers of a bucket, and the number of places among them."""
 HEADER: Final = 2 * AXIS + 2
 COEFFICIENTS, ROW = 2 * AXIS, 2 * AXIS + 1
 """After the headers of two axes: the index of the first coefficient, and the stride of the first argument."""
 
 MOST_BUCKETS: Final = 1 << 18
-"""Largest number of buckets of a table with fewer places."""
+"""Largest number of buckets, unless the table has more places."""
 MOST_AT_HAND: Final = 1 << 12
 """Number of buckets that fit into the nearest caches."""
 #: Places that are as even as rounding lets them be are taken to be so, in units of the last digit of the largest.

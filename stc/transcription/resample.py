@@ -29,8 +29,7 @@ APART = 1e-9
 KEPT = 4
 
 SAME, MOST_OFF = 0.2, 1e3
-"""Objectives whose logarithms differ by less than the first count as equal; differences above the second are
-ignored.
+"""Objectives whose logarithms differ by less than the first count as equal; ratios above the second are ignored.
 """
 
 
