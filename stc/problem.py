@@ -98,7 +98,7 @@ class TimeRef:
 
 @dataclass(frozen=True, slots=True)
 class IndexRef:
-    """``i``: the index of the frame the statement stands on (a half at a midpoint)."""
+    """``i``: the index of the frame at which a statement is evaluated (k + 1/2 at the midpoint after frame k)."""
 
     def __str__(self) -> str:
         return "i"

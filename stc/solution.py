@@ -427,7 +427,7 @@ class Solution:
         Parameters
         ----------
         index : npt.ArrayLike
-            Between 0 and n, or an array of such.
+            Between 0 and n, or an array of such numbers.
         side : Side
             ``"before"`` or ``"after"``: the value to take at a jump.
 
@@ -649,7 +649,7 @@ def _as_numbers(given: npt.ArrayLike, wanted: str) -> FloatArray:
     try:
         return np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise UsageError(f"{wanted}, or an array of such, not {given!r}") from None
+        raise UsageError(f"{wanted}, or an array, not {given!r}") from None
 
 
 def _key(name: object) -> tuple[str, int]:

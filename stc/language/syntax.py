@@ -350,7 +350,7 @@ class Section(Node):
 
 @dataclass(slots=True)
 class SpecTree:
-    """A whole file.
+    """The syntax tree of a whole file.
 
     ``damaged`` holds the names in declarations that could not be read, so that their uses are not reported as
     undeclared.  ``models`` is for :func:`stc.language.model.scope.model_of`, which reads a model once.

@@ -89,7 +89,7 @@ def moved_rows(problem: Problem, solution: Solution, gaps: Gaps) -> float:
 
 
 def moved_terms(problem: Problem, solution: Solution, gaps: Gaps) -> float:
-    """The same for the objective's own terms: integrals by the trapezoid rule, sums as they are."""
+    """The change of the objective if its own terms use the wider differences, with integrals by the trapezoid rule."""
     total = 0.0
     lengths = np.diff(solution.time)
     weights = 0.5 * np.concatenate([[0.0], lengths]) + 0.5 * np.concatenate([lengths, [0.0]])

@@ -71,10 +71,10 @@ class Recording:
     """A replay in progress, or finished.
 
     Attributes:
-        tracked: whether feedback holds it on the solved motion.
-        law: ``LQR`` or ``PD`` for a tracked one, once it is known.
-        error: why it failed; empty otherwise.
-        broke_at: when the simulation left all bounds, or None.
+        tracked: whether a feedback controller keeps the simulation near the solved motion.
+        law: the controller of a tracked replay, ``LQR`` or ``PD``, once it is known.
+        error: why the replay failed; empty otherwise.
+        broke_at: time at which the simulation diverged, or None.
     """
 
     def __init__(self, setup: Setup, tracked: bool = False, busy: Callable[[], bool] | None = None) -> None:
