@@ -131,7 +131,7 @@ def test_motions_and_models_go_to_other_processes(
 
 
 def test_times_and_frames_are_numbers(solution: stc.Solution) -> None:
-    with pytest.raises(stc.UsageError, match="a time is a number of seconds, or an array of such, not 'a'"):
+    with pytest.raises(stc.UsageError, match="a time is a number of seconds, or an array, not 'a'"):
         solution.at("a")
     with pytest.raises(stc.UsageError, match="a frame is given by its index, or an array of such"):
         solution.at_frame([[1, 2], [3]])  # type: ignore[list-item]

@@ -139,7 +139,7 @@ def test_a_guess_is_read_by_name(stc_: Stc) -> None:
         (("--continue", "g=0:1:inf"), "must be a whole number"),
         (("--continue", "g=1:inf"), "from one number to another, not from 1 to inf"),
         (("--continue", "g=-inf:0:3"), "from one number to another, not from -inf to 0"),
-        (("--continue", "g=0:x"), "no number"),
+        (("--continue", "g=0:x"), "is not a number"),
         (("--continue", "G=0:1"), "no constant `G`\n  did you mean `g`?"),
         (("--continue", "g=1:1"), "goes nowhere"),
         (("--continue", "n=50:0"), "division by zero"),

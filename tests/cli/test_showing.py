@@ -155,8 +155,12 @@ def test_without_a_model_variables_are_drawn_and_tabled(target: str, stc_: Stc) 
     ("words", "why", "instead"),
     [
         (["render", "-o", "rest.png"], "no bodies to render", "stc plot"),
-        (["export", "--format", "gltf"], "no bodies and joints for gltf", "--format csv"),
-        (["export", "--format", "controls"], "no bodies and joints for controls", "--format csv"),
+        (["export", "--format", "gltf"], "gltf needs the bodies and joints of a model", "--format csv"),
+        (
+            ["export", "--format", "controls"],
+            "controls needs the bodies and joints of a model",
+            "--format csv",
+        ),
         (["validate"], "MuJoCo cannot replay it", "stc solve"),
     ],
     ids=["render", "gltf", "controls", "validate"],

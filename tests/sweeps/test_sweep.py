@@ -115,7 +115,7 @@ def test_a_folder_holds_one_sweep(tmp_path: Path, change: dict[str, Any], what: 
 
 
 def test_a_folder_of_other_files_is_left_alone(tmp_path: Path) -> None:
-    with pytest.raises(stc.UsageError, match="is no folder of a sweep, and not empty"):
+    with pytest.raises(stc.UsageError, match="is not a folder of a sweep, and not empty"):
         stc.sweep(push(tmp_path), {"D": [1.0]}, tmp_path, workers=1)
     stc.sweep(tmp_path / "push.stc", {"D": [1.0]}, tmp_path / "found", workers=1)
     (tmp_path / "found" / "points" / "0.json").write_text("{")

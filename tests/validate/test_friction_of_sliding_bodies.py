@@ -101,7 +101,7 @@ def test_a_slide_off_the_axes_needs_a_round_cone(tmp_path: Path, cone: str) -> N
     assert certificate.passed is (cone == "elliptic"), certificate.headline
     if not certificate.passed:
         (step,) = certificate.next_steps
-        assert step.endswith('give the model <option cone="elliptic"/>, whose friction is against the way')
+        assert step.endswith('give the model <option cone="elliptic"/>, whose friction opposes the velocity')
 
 
 #: The floor's force goes from 5*m*g at the frames to -m*g at the midpoints: it is m*g in the mean.

@@ -178,7 +178,7 @@ def test_joints_with_several_coordinates_and_unknown_velocities(tmp_path: Path) 
     with pytest.raises(ModelError, match="joint b: a ball joint has several coordinates"):
         validate(solution)
     bare = ReplayChannel("joint", ("x",), ZERO)
-    with pytest.raises(ModelError, match="does not know how fast it moves"):
+    with pytest.raises(ModelError, match="has no velocity for it at the start"):
         validate(solution_of("trapezoidal", TIME, {("x", 0): ZERO}, [bare]))
 
 
