@@ -36,7 +36,8 @@ class Origins:
     def add(self, at: int, length: int, start: int, end: int, values: str) -> None:
         """Map ``length`` characters from ``at`` on to those from ``start`` to ``end`` of the original spec.
 
-        Where they are as many, each stands for one; else all for all.  ``values`` is what is repeated there.
+        Where they are as many, each stands for one; else all for all.  ``values`` are the values of the repetition's
+        indices.
         """
         self._begins.append(at)
         self._pieces.append((length, start, end, values))
@@ -83,11 +84,11 @@ class Source:
         return self.text if self.origins is None else self.origins.written.text
 
     def place(self, start: int, end: int) -> tuple[int, int]:
-        """The characters of what was written that ``start`` to ``end`` stand for."""
+        """The characters of the source text from which ``start`` to ``end`` were generated."""
         return (start, end) if self.origins is None else self.origins.place(start, end)
 
     def repeats(self, name: str, offset: int) -> bool:
-        """Whether what stands there is one of several that are written once, for each ``name``."""
+        """Whether the text there is repeated for each value of ``name``."""
         values = "" if self.origins is None else self.origins.values(offset)
         return f", {name} = " in f", {values}"
 
@@ -229,7 +230,7 @@ class SpecError(StcError):
         return self.shown()
 
     def shown(self, most: int | None = None) -> str:
-        """The message with so many mistakes at ``most``, and how many more there are."""
+        """The message with at most ``most`` mistakes, and the number of the others."""
         lines = [diagnostic.render() for diagnostic in self.diagnostics[:most]]
         if len(lines) < len(self.diagnostics):
             lines.append(f"and {len(self.diagnostics) - len(lines)} more mistakes")

@@ -40,7 +40,7 @@ class KeptTranscriptions:
         """The problem with some constants; it is elaborated once for consecutive requests.
 
         Args:
-            method: that of transcription; the spec's own where it is None.
+            method: that of transcription; None for that of the spec.
             given: values of constants, in place of the spec's.
 
         Raises:
@@ -63,7 +63,7 @@ class KeptTranscriptions:
         """The problem with some constants and its transcription, an earlier one where only numbers have changed.
 
         Args:
-            method: that of transcription; the spec's own where it is None.
+            method: that of transcription; None for that of the spec.
             given: values of constants, in place of the spec's.
 
         Raises:

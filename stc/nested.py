@@ -345,7 +345,7 @@ class Nested:
         return found.violation if violated else 0.0, found.objective
 
     def _before(self, most: int = ITERATIONS) -> Solution:
-        """The motion on fewer frames, counted; found in so many iterations at ``most``."""
+        """The motion on fewer frames, counted; found in at most ``most`` iterations."""
         # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
         before = self.coarse(self._attempt(most), self._afar)
         self._note(before)

@@ -91,7 +91,7 @@ def of_certificate(certificate: Certificate) -> str:
 
 
 def of_sweep(sweep: Sweep) -> str:
-    """A sweep as HTML: how many points are done, the first rows of its table, and the objective drawn."""
+    """A sweep as HTML: the number of finished points, the first rows of its table, and the objective drawn."""
     from stc.sweeps.picture import draw
 
     columns = sweep.columns()

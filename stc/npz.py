@@ -78,7 +78,7 @@ _MOST_UNPACKED = 2**28
 
 
 def _array(name: str, content: bytes) -> np.ndarray:
-    """An array in the format of ``.npy`` files; a view of what was read."""
+    """An array in the format of ``.npy`` files; a view of the bytes that were read."""
     stream = io.BytesIO(content)
     version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):

@@ -60,8 +60,8 @@ def phases(problem: Problem) -> list[Phase]:
 def stretches(problem: Problem, relations: Iterable[Relation]) -> list[tuple[int, int]]:
     """Intervals of frames on which each of some statements holds or does not, and each definition is one piece.
 
-    A definition under range headers means between two frames what it means at the first of them, after its
-    jump where it has one.
+    Between two frames, a definition under range headers has the meaning of the first of them, after its jump if it has
+    one.
     """
     pieces = [piece.range for several in problem.definitions.values() for piece in several]
     cuts = {0, problem.n} | {k for r in relations for k in (r.range.first, r.range.last)}

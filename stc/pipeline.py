@@ -233,9 +233,9 @@ class Model:
             An earlier solution or its file, whose multipliers and active set are used too; resampled
             if the number of frames differs.
         guess
-            Values to start from by name, or a file of them (see :mod:`stc.guess_file`); what it does not name
-            keeps the spec's own guess. Arrays are spread evenly over the motion, or placed by an
-            array ``t``, ``time`` (both in seconds) or ``frame``.
+            Values to start from by name, or a file of them (see :mod:`stc.guess_file`); variables that it does not
+            name keep the spec's guess. Arrays are spread evenly over the motion, or placed by an array ``t``, ``time``
+            (both in seconds) or ``frame``.
         callback : Callback | None
             Called with a record after every iteration; returning True stops the solve.
         optimizer : str
@@ -374,7 +374,7 @@ class Model:
         """The motion at an iterate, for whoever looks on: to be called from the callback of :meth:`solve`.
 
         Args:
-            record: what the callback was told.
+            record: the record passed to the callback.
             method, constants: those of the solve.
 
         Returns:
@@ -417,7 +417,7 @@ class Model:
         Args:
             earlier: the solution to start from.
             transcription, problem: to be solved.
-            before: the problem that was, where it is at hand.
+            before: the earlier problem, if it is available.
         """
 
         def solved() -> Problem:

@@ -157,7 +157,7 @@ class Relation:
     ``coordinate`` is the variable whose equation of motion it is.  ``between`` is held against the bounds between the
     nodes where the body has unknowns that mean nothing there (``Problem.at_nodes``).
     ``on_frames`` leaves out the midpoints between the frames.
-    ``complementary`` marks the product of what the two relations just before it have to spare, as
+    ``complementary`` marks the product of the slacks of the two relations before it, as
     ``0 <= a complements b >= 0`` states it: at most 0.
     """
 
@@ -307,13 +307,12 @@ class Problem:
     ``constants`` holds the value of each constant (overrides applied).  ``structural`` names the constants
     whose values determine this object (ranges, indices, exponents): changing one of those requires a new elaboration,
     changing any other does not.  ``step`` is the time from a frame to the next, in constants,
-    parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
-    ``model_span`` where the model is named.
-    ``rotations`` are the orientations among the variables.  ``of_model`` says whether the equations of motion come
-    from a model, ``left_out`` lists the kinds of its forces that the spec leaves out; for the guess, ``fixtures`` are
-    the constraints it should satisfy, and ``root`` the variables that move the model as a whole.
-    ``relaxation`` is the constant that bounds the products of gaps and contact forces, which should be zero; empty if
-    there are none.  Several solves reduce it to its value.
+    parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is the place of its declaration,
+    ``model_span`` that of the model's name. ``rotations`` are the orientations among the variables.  ``of_model`` says
+    whether the equations of motion come from a model, ``left_out`` lists the kinds of its forces that the spec leaves
+    out; for the guess, ``fixtures`` are the constraints it should satisfy, and ``root`` the variables that move the
+    model as a whole. ``relaxation`` is the constant that bounds the products of gaps and contact forces, which should
+    be zero; empty if there are none.  Several solves reduce it to its value.
     ``free_contacts`` are those that have such products.
     ``at_nodes`` are variables that are chosen node by node, without a course in time: the directions of distances.
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.

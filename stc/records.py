@@ -247,7 +247,7 @@ class _Constructor:
         self.has_more = hasattr(cls, "__post_init__")
 
     def construct(self, instance: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> None:
-        """``__init__``; where it is called often, or wrongly, it is replaced."""
+        """``__init__``; it is replaced if it is called often, or with wrong arguments."""
         self.calls += 1
         if self.calls > _OFTEN or not self.ordinary or len(args) > len(self.plain):
             return self._generate(instance, args, kwargs)

@@ -36,7 +36,7 @@ _Key = tuple[str, tuple[tuple[str, float], ...], str, tuple[str, ...]]
 
 @dataclass
 class _Restated:
-    """A problem that was read again from a text, and what it states, once somebody has asked for that."""
+    """A problem read again from its text, with its statements, which are computed when they are first used."""
 
     key: _Key
     problem: Problem
@@ -52,7 +52,7 @@ def source_of(solution: Solution, beside: Path | None = None) -> Source:
 
     Args:
         solution: any.
-        beside: folder of the solution's file, where the spec's own is not known or has not the model that is here.
+        beside: folder of the solution's file, if the spec's folder is not known or does not contain the same model.
     """
     folder = Path(solution.directory) if solution.directory else beside
     if folder is not None and beside is not None and solution.model is not None:

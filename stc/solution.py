@@ -403,7 +403,7 @@ class Solution:
         Raises
         ------
         UsageError
-            A time outside of the motion, or what is not a number.
+            A time is outside of the motion, or not a number.
         SolutionError
             The times do not increase (a solve that failed with a free duration).
         """

@@ -18,7 +18,7 @@
     :mod:`stc.restated` evaluates them.
 
 ``.csv``
-    The same as text.  Lines starting with ``#`` hold the facts, and as JSON all that is no node value; below them is
+    The same as text.  Lines starting with ``#`` hold the facts, and all other values as JSON; below them is
     one table with a row per node in order of time, whose number is ``rows`` in the facts; each ends with its line.  Its
     columns are ``node`` (``frame``, ``before``, ``after`` or ``mid``; a frame where anything jumps has a row for either
     side) and the unknowns by their names.  Numbers keep all their digits.
@@ -166,7 +166,7 @@ def contents(path: str | os.PathLike[str]) -> str:
 
 
 def refuse_as_spec(path: Path) -> NoReturn:
-    """Raise an error for a data file that was named in place of a spec, which says what the file can be used for.
+    """Raise an error for a data file that was named in place of a spec; the hint names its possible uses.
 
     Raises:
         UsageError: always.
@@ -243,7 +243,7 @@ def files_of(stored: Stored) -> list[RecordedFile]:
     """The files that a stored solution depends on.
 
     Raises:
-        SolutionError: what is carried is not what its hash says.
+        SolutionError: the content of a file does not match its hash.
     """
     from hashlib import sha256
 

@@ -33,7 +33,7 @@ class VisibleStream:
         self.stream = stream
 
     def write(self, text: str) -> int:
-        """Write the text to the stream; returns how many of its characters, which is all."""
+        """Write the text to the stream; returns the number of its characters, all of them."""
         self.stream.write(visible(text))
         return len(text)
 

@@ -59,7 +59,7 @@ def aligned(earlier: Solution, problem: Problem, before: Callable[[], Problem]) 
     Args:
         earlier: of the same spec.
         problem: to be solved.
-        before: tells which problem was solved; asked where it could matter. It may raise StcError.
+        before: identifies the problem that was solved; asked where it could matter. It may raise StcError.
     """
     even = Alignment.even(earlier.n, problem.n)
     if all(earlier.constants.get(k) == problem.constants[k] for k in problem.structural):

@@ -82,7 +82,7 @@ def cone_edges(
     Args:
         model, data: the simulation in that pose, its contacts found.
         slid: (k, 3) the edges of contacts that slide, by their numbers, along their axes.
-        widened: how much more friction the contacts have, as a share.
+        widened: the additional friction of the contacts, as a share.
 
     Returns:
         The generalised force (nv,) of each per unit of its normal force; the contact that each belongs to; the longest

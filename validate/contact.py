@@ -80,7 +80,7 @@ def _base_share(
     Args:
         setup: the motion.
         base: its slides.
-        motion: what the simulation did.
+        motion: the simulated motion.
         forces: of the contacts.
         height: in m.
     """

@@ -51,7 +51,7 @@ def beyond_contacts(setup: Setup, motion: Replay) -> float | None:
 
 
 class ContactFit:
-    """The contact forces at each node, and what the contacts of the model can supply."""
+    """The contact forces at each node, and the forces that the model's contacts can supply."""
 
     def __init__(self, setup: Setup) -> None:
         self._setup, self._touching = setup, TouchingModel(setup)

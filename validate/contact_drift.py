@@ -1,4 +1,5 @@
-"""The drift of standing contacts: how far contact points move in the solved motion while contact forces act on them.
+"""The drift of standing contacts: the displacement of contact points in the solved motion while contact forces act on
+them.
 
 A spec may constrain a foot by its acceleration alone; then the errors of the method move it, and an optimiser can
 exploit this.  The position and velocity of each contact point come from MuJoCo's kinematics along the solved motion,

@@ -47,7 +47,7 @@ class ContactForces:
     Attributes:
         body: its name.
         time: (n+1,) seconds.
-        solved: by part (``fx`` ... ``mz``), (n+1,) what the solution says, after jumps.
+        solved: by part (``fx`` ... ``mz``), (n+1,) the solved values, after jumps.
         found: by part what MuJoCo's contacts give in the replay; NaN after a breakdown.
         solved_means: by part (k,) of the solved force.
         found_means: by part (k,) of what MuJoCo's contacts give in the replay; NaN after a breakdown.
@@ -55,7 +55,7 @@ class ContactForces:
             largest at each frame; NaN at frames without a contact.
         normal: (n+1, 3) the direction in which the contacts press on the body; NaN where there are none or several.
         slides: (n+1,) whether the body slides in the solved motion and has its friction.
-        size: of the body, in m: what a force is multiplied by to be compared with a torque.
+        size: of the body, in m: factor by which a force is multiplied to be compared with a torque.
         at_nodes: the solved force and what the body touches at all nodes; None for the frames, after jumps.
         sliding: how the body slides at the nodes, where it does.
         swings: (n+1,) whether the velocities of its contacts alternate from node to node.
@@ -175,7 +175,7 @@ def windows_of(time: FloatArray, jumps: list[int], slides: FloatArray) -> FloatA
 
 
 def _end(time: FloatArray, first: int, length: float, steps: int) -> int | None:
-    """The last frame of a window of at least so many seconds and frame steps; None if the motion ends before."""
+    """The last frame of a window of at least the given seconds and frame steps; None if the motion ends before."""
     least = min(length, float(time[-1] - time[0]))
     last = max(
         int(np.searchsorted(time, time[first] + least * (1.0 - 1e-9))), first + min(steps, len(time) - 1)

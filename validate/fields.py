@@ -111,7 +111,7 @@ def apply_fields(model: mujoco.MjModel, solution: Solution) -> dict[str, float]:
         The values by path, for the report.
 
     Raises:
-        ModelError: an unknown path, or a value that is no single number.
+        ModelError: an unknown path, or a value that is not a single number.
     """
     values = {line.path: single_number(line) for line in lines_of(solution, "set")}
     set_fields(model, values)

@@ -2,8 +2,8 @@
 
 A jump of velocity by dv needs the generalised impulse M dv.  Actuators and applied forces are finite and give none;
 impulses come from the contacts that the spec names.  It is an error if no combination of these can give the impulse,
-or if the impulse pulls or lies outside the friction cones of the model's contacts at that place.  How much of it does
-is found by a nonnegative least-squares fit with the edges of the cones.
+or if the impulse pulls or lies outside the friction cones of the model's contacts at that place.  This part is found
+by a nonnegative least-squares fit with the edges of the cones.
 
 :mod:`stc.validate.impulse_fit` checks whether contact points exist and can give the impulse with its moments.
 """

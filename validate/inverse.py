@@ -15,8 +15,8 @@ own
 - A joint limit gives no force: MuJoCo's is a soft spring, which acts on a motion that just touches the limit.  The
 force of an
   end stop is stated by an ``apply`` or ``contact`` line on the joint.
-- Joints that the spec does not tie move as in :mod:`stc.validate.untied`; the result includes how much that affects the
-  forces on the tied ones.
+- Joints that the spec does not tie move as in :mod:`stc.validate.untied`; the result includes the effect on the forces
+on the tied ones.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ def growth(
     Args:
         maps: of the motion.
         joints: (k,) indices of the positions, by default all; other positions matter only through these.
-        restarts: frames where deviations begin anew.
+        restarts: frames at which deviations restart.
 
     It is the largest spectral norm of the positions' part of the transition matrices between two instants,
     of which at most :data:`stc.validate.limits.GROWTH_INSTANTS` are used.  A value near one means that errors do not

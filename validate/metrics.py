@@ -21,7 +21,7 @@ class Metric:
     Attributes
     ----------
     name : str
-        What was measured, such as ``open-loop drift, largest``.
+        The measured quantity, such as ``open-loop drift, largest``.
     subject : str
         On what, such as ``joint x``.
     value : float

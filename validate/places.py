@@ -66,7 +66,7 @@ class Place:
         return self.kind == "body" and not any(self.offset) and not self.radius
 
     def point(self, model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
-        """(3,) where it is in the world, in m, once the kinematics are up to date."""
+        """(3,) its position in the world, in m, once the kinematics are up to date."""
         centre = np.array(getattr(data, self.array)[self.index])
         if any(self.offset):
             frames = {"body": data.xmat, "site": data.site_xmat, "geom": data.geom_xmat}[self.kind]

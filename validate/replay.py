@@ -124,9 +124,9 @@ def replay(
         integrator: one of :data:`INTEGRATORS`.
         feedback: the feedback law; None replays open loop.
         external: apply the solved contact forces and switch the model's own contacts off.  Where the solution
-            jumps, at impacts above all, the simulation goes on from the solved state: what is measured is the
-            error of the steps, phase by phase.
-        every_step: go on from the solved state at every frame: what is measured is the error of each step alone.
+            jumps, at impacts above all, the simulation goes on from the solved state: the error of the steps is
+            measured phase by phase.
+        every_step: go on from the solved state at every frame: the error of each step is measured alone.
         watcher: is called during the replay and may end it early; later frames are NaN.
         meter: integrates the contact forces.
 

@@ -1,7 +1,7 @@
 """Whether a sliding body has its full friction: Coulomb's, against the sliding velocity of each contact point.
 
 A standing contact may have any force inside the friction cone.  A sliding contact has no such freedom: its friction is
-the whole of what the normal force allows, against the velocity.  It has a single ray instead of a cone, and the solved
+the full friction of the normal force, against the velocity.  It has a single ray instead of a cone, and the solved
 forces of a node are fitted with these rays and cones.  The fit covers contacts that share a force, points of a
 rotating body that slide in different directions, and a rolling wheel, which does not slide.  MuJoCo's pyramidal cone
 has its friction along the axis that slides faster, which is accepted as well.  A contact of ``condim`` 4 or 6 that

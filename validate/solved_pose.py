@@ -157,7 +157,7 @@ def _moves(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray, dofs: n
 
 
 def _broken(model: mujoco.MjModel, index: int, gaps: FloatArray) -> list[tuple[str, float]]:
-    """Units and sizes of what is broken of an equality, from its rows."""
+    """Units and sizes of the violations of an equality, from its rows."""
     import mujoco
 
     kinds = mujoco.mjtEq

@@ -44,7 +44,7 @@ class StateEquations:
     Attributes:
         dofs: names of the degrees of freedom: ``hip``, ``root.x``, ``root.wx``.
         outer: outer forces as their lines are written.
-        notes: what the model has that equations of motion do not speak of.
+        notes: elements of the model that are not part of the equations of motion.
     """
 
     def __init__(

@@ -105,7 +105,7 @@ class UntiedMotion:
 
         Args:
             mass: (nv, nv) the mass matrix.
-            missing: (nv,) what the model gives besides what the motion without these accelerations takes.
+            missing: (nv,) the model's forces less those of the motion without these accelerations.
         """
         found = np.zeros(len(missing))
         free = self.free

@@ -47,7 +47,7 @@ def show_solution(
     uncertainty: Uncertainty | None = None,
     grid: GridError | None = None,
 ) -> None:
-    """Print the result of a solve; ``file`` is where it is saved, or was read from, None without a file."""
+    """Print the result of a solve; ``file`` is the path of the solution file; None without a file."""
     good = solution.status == "optimal"
     status = f"[green]{solution.status}[/green]" if good else f"[bold red]{solution.status}[/bold red]"
     rows = [
@@ -219,7 +219,7 @@ class Rows:
         yield cells
 
     def _grid(self, cells: Sequence[str], width: int, gap: int, heading: bool) -> Any:
-        """One line of the table, for a terminal of so many characters: what is too long is folded."""
+        """One line of the table; long text is folded to the width of the terminal."""
         from rich.table import Table
 
         grid = Table.grid(padding=(0, gap, 0, 0))

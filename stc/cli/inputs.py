@@ -26,7 +26,7 @@ def number(text: str, where: str) -> float:
     """The value of an expression of numbers in the spec language: ``1/30``, ``2*pi``, ``-inf``.
 
     Raises:
-        UsageError: it is no such expression, or has no value; ``where`` is named in the message.
+        UsageError: it is not such an expression, or has no value; ``where`` is named in the message.
     """
     from stc.errors import Source, SpecError
     from stc.language.numbers import NotANumber, affine

@@ -15,7 +15,7 @@ __all__ = ["inputs_of", "keep_inputs", "keep_optimal"]
 
 
 def inputs_of(model: Model) -> list[tuple[str | Path, str]]:
-    """The files that a spec is read from, each with what it is: its own, and those of its data."""
+    """The files that a spec is read from, each with a description: its own, and those of its data."""
     from stc.language.syntax import DataFile
 
     path = model.source.path

@@ -163,7 +163,7 @@ def writable_page(name: str) -> Path:
     """The path for a certificate.
 
     Raises:
-        UsageError: the suffix is not ``.html``, or a folder is in the way.
+        UsageError: the suffix is not ``.html``, or the path is a folder.
     """
     path = Path(name)
     if path.suffix.lower() not in (".html", ".htm"):

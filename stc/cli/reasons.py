@@ -51,7 +51,7 @@ def find_explanation(model: Model, solution: Solution) -> Explanation | None:
 
 
 def find_grid_error(solution: Solution) -> GridError | None:
-    """The estimated discretisation error; None if there is no time for it, or nothing to estimate."""
+    """The estimated discretisation error; None if there is no time left, or no estimate."""
     if deadline.left() < SHORTEST:
         return None
     from stc.studies.grid_error import grid_error

@@ -39,7 +39,7 @@ def blank(status: str, message: str = "") -> Record:
 
 
 def of_solution(solution: Solution, file: str | None = None, warnings: Iterable[Diagnostic] = ()) -> Record:
-    """The record of a solve, or of a solution read from a file; ``file`` is where it is saved."""
+    """The record of a solve, or of a solution read from a file; ``file`` is the path of the solution file."""
     record = blank(solution.status, solution.message)
     record.update(
         name=solution.name,

@@ -123,7 +123,7 @@ def operations(model: Model, method: str | None) -> str:
 
 
 def _nearly(share: float) -> str:
-    """A share near one in percent, with as many digits as it takes to tell it from one."""
+    """A share near one in percent, with enough digits to distinguish it from one."""
     digits = 2 if share in (0.0, 1.0) else max(2, 1 - math.floor(math.log10(abs(1.0 - share) * 100)))
     return f"{100 * share:.{min(digits, 12)}f} %"
 

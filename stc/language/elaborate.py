@@ -60,7 +60,7 @@ def elaborate(
         method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``; wins over the file's.
 
     Raises:
-        SpecError: with every mistake in what the text means.
+        SpecError: with all semantic mistakes in the text.
         UsageError: an override or the method names nothing that exists.
     """
     diagnostics = Diagnostics(tree.source)
@@ -189,11 +189,11 @@ class _Elaborator(Context):
         return problem
 
     def _shaping(self) -> set[str]:
-        """Numbers of the model that are no inputs of the compiled program."""
+        """Numbers of the model that are not inputs of the compiled program."""
         return set() if self.model is None else self.model.structural
 
     def _impulses(self) -> list[str]:
-        """Parameters that the model's contacts bring."""
+        """Parameters that the model's contacts add."""
         return [] if self.model_statements is None else self.model_statements.impulses()
 
     def _step_span(self) -> Span | None:
@@ -333,7 +333,7 @@ class _Elaborator(Context):
         return found
 
     def _warn_of_frames(self) -> None:
-        """Tell of limits of each joint or actuator below a pose of a single frame, where all frames may be meant."""
+        """Warn of limits of all joints or actuators that hold at a single frame only, beside a pose."""
         for block in self.tree.blocks("constraints"):
             where = None if block.header is None else self.range(block)
             if block.header is None or where is None or where.first != where.last:

@@ -27,7 +27,7 @@ def statement_text(source: Source, node: syntax.Node) -> str:
 
 @dataclass(slots=True)
 class Bounded:
-    """``lower <= body <= upper``; None is no bound, the same object twice an equality."""
+    """``lower <= body <= upper``; None means no bound, the same object twice an equality."""
 
     body: Expr
     lower: Expr | None

@@ -105,7 +105,9 @@ class Vector(Node):
 
 @dataclass(slots=True)
 class Member(Node):
-    """``point(body.hand, 0, 0, 0.1).vx``: a field of what a call names; ``fields`` holds the words after it."""
+    """``point(body.hand, 0, 0, 0.1).vx``: a field of the object that a call names; ``fields`` holds the words after
+    it.
+    """
 
     operand: Call
     fields: list[str]
@@ -206,7 +208,7 @@ class ModelFile(Node):
 class Pose(Node):
     """``keyframe.stand + (D, 0, 0);``, ``periodic mirrored;``, ``keyframe.land turned 2*pi about z;``.
 
-    ``base`` is a pose's name, `rest` or `periodic`; ``shift`` what is added to it; ``angle`` and ``axis`` a turn.
+    ``base`` is a pose's name, `rest` or `periodic`; ``shift`` the translation; ``angle`` and ``axis`` a turn.
     """
 
     base: Name
@@ -295,7 +297,7 @@ class TableDefinition(Node):
 
 @dataclass(slots=True)
 class GuessFrom(Node):
-    """``walk;`` in `guess:`: what is in a data set is where the solver starts."""
+    """``walk;`` in `guess:`: the solver starts from the columns of a data set."""
 
     name: Name
 

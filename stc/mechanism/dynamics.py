@@ -230,7 +230,7 @@ class Dynamics:
         return found
 
     def _compensation_by(self, actuators: bool) -> list[Expr]:
-        """Gravity compensation on the degrees of freedom where it is done by actuators, or on the others."""
+        """Gravity compensation on the degrees of freedom whose actuators supply it, or on the others."""
         found: list[Expr] = [ZERO] * self.mechanism.n_freedoms
         if self._compensation:
             every = generalised_forces(self.kinematics, self._compensation)

@@ -1,8 +1,8 @@
 """A mechanism as plain data: the numbers that MuJoCo compiles from a model file, in its order and units (m, kg, s,
 rad).
 
-Indices refer to the tuples of :class:`Mechanism`.  Body 0 is the world.  Quaternions have the real part first.  What is
-a number here is exactly the number that MuJoCo computes with.
+Indices refer to the tuples of :class:`Mechanism`.  Body 0 is the world.  Quaternions have the real part first.  Every
+number is exactly the one that MuJoCo uses.
 """
 
 from __future__ import annotations
@@ -219,14 +219,14 @@ class Actuator:
     """A force that a control commands: gain * input + bias along a transmission.
 
     Attributes:
-        name: as in the model; one without a name is called by what it acts on.
+        name: as in the model; an actuator without a name is called after its target.
         transmission: ``joint``, ``jointinparent``, ``tendon``, ``site``, ``body``, ``slidercrank`` or ``so3``.
-        target, reference: what it acts on, and a second site; -1 for none.
+        target, reference: its target, and a second site; -1 for none.
         gear: force and torque, or the first number alone, per unit of its force.
         gain, gain_parameters: ``fixed``, ``affine``, ...; bias, bias_parameters: ``none``, ``affine``, ...
         dynamics, dynamics_parameters: ``none``, or how its activation follows its control.
         controls, activations: addresses among all controls and all activations.
-        inputs: what the controls of a controller or an electric motor are: ``pos``, ``vel``, ``ff``, ``voltage``.
+        inputs: the controls of a controller or an electric motor: ``pos``, ``vel``, ``ff``, ``voltage``.
         control_ranges: of each control, None for one that is not limited.
         force_limited, force_range: of its force; activation_limited, activation_range: of its activations.
         early: whether MuJoCo steps the activation before it takes the force, which matters at finite time steps only.
@@ -271,7 +271,7 @@ class Equality:
 
     Attributes:
         kind: ``connect``, ``weld``, ``joint``, ``tendon`` or what MuJoCo calls another one.
-        between: ``body``, ``site``, ``joint`` or ``tendon``: what the two indices number.
+        between: ``body``, ``site``, ``joint`` or ``tendon``: the kind of object that the two indices refer to.
         first, second: the two things; -1 for no second one.
         data: MuJoCo's numbers (``eq_data``).
         active: whether it holds at the start.

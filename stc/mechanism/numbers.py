@@ -1,7 +1,7 @@
 """Numbers of a model in expressions: literals, or symbols whose values can be changed later.
 
 A number is named by its path, the one that ``set`` lines have: ``("body", "torso", "mass")``,
-``("option", "gravity", "z")``.  Zero is always a literal, so that what is multiplied by it vanishes.
+``("option", "gravity", "z")``.  Zero is always a literal, so that products with it vanish.
 """
 
 from __future__ import annotations

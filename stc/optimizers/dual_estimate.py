@@ -3,7 +3,8 @@
 A point without multipliers can be tested for optimality all the same: the multipliers that fit it best solve a linear
 least-squares problem with signs,
 
-    minimise |grad f + J^T y + z|   over   y, z of the sign that their active bound gives, zero where none is.
+    minimise |grad f + J^T y + z|   over   y, z of the sign that their active bound gives, zero where no bound is
+    active.
 
 Whether the point is optimal then depends on the point alone, and not on the optimizer's own report.
 """
@@ -168,7 +169,7 @@ def signed_least_squares(matrix: Floats, rhs: Floats, free: Mask) -> Floats:
 
 
 def _towards(matrix: Floats, rhs: Floats, free: Mask, s: Floats, used: Mask) -> tuple[Floats, Mask]:
-    """Go to the least-squares solution in the entries used, giving up those that stand in the way at zero."""
+    """Go to the least-squares solution in the entries used, dropping entries that reach zero."""
     while True:
         goal = _least_squares(matrix, rhs, used)
         wrong = used & ~free & (goal < 0.0)

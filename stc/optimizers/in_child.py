@@ -48,7 +48,7 @@ def minimize_in_child(method: Method, nlp: NLP, options: Options, callback: Call
         callback: called in this process; returning True stops the solve.
 
     Raises:
-        Exception: what the method raises; MemoryError where the system ended the other process.
+        Exception: the exceptions of the method; MemoryError where the system ended the other process.
     """
     if not hasattr(os, "fork"):
         return method(callback)

@@ -54,7 +54,7 @@ def minimize_with_nlopt(
     An iteration is an evaluation with derivatives, or n + 1 evaluations where an algorithm asks for none.
 
     Raises:
-        UsageError: no such algorithm, one that cannot do what the problem needs, or NLopt is not installed.
+        UsageError: the algorithm does not exist or cannot solve this kind of problem, or NLopt is not installed.
     """
     choice = choose(name)
     require(choice, nlp)
@@ -230,7 +230,7 @@ class _Solve:
     def _least_violation(self, x: Floats) -> tuple[Floats, str]:
         """Minimise the sum of squared violations from ``x``, the start and points near them.
 
-        NLopt cannot tell an infeasible problem from one that it failed on; this can.
+        NLopt cannot distinguish an infeasible problem from a failure; this can.
 
         Returns:
             The point of least violation and ``feasible``, ``stationary`` or ``""``: what it proves.
@@ -309,7 +309,7 @@ class _Watch:
         self._last = solve.functions.x.copy()
 
     def objective(self, z: Floats, slope: Floats) -> float:
-        """NLopt's objective: a value, and its gradient into ``slope`` where that is wanted."""
+        """NLopt's objective: the objective's value; writes its gradient into ``slope`` if its size is not zero."""
         functions = self.solve.functions
 
         def evaluate() -> float:

@@ -24,7 +24,7 @@ class Algorithm:
 
     Attributes:
         constant: its name in NLopt.
-        summary: what it is, with its author.
+        summary: a description, with the author.
         gradient: uses derivatives.
         equalities, inequalities: accepts rows of that kind.
         box: needs two finite bounds on every variable.
@@ -134,7 +134,7 @@ def choose(name: str) -> Choice:
     """The algorithm named by ``nlopt:NAME`` or ``nlopt:NAME:LOCAL``.
 
     Raises:
-        UsageError: there is no such algorithm, or it takes no local one.
+        UsageError: the algorithm does not exist, or does not use a local one.
     """
     _, _, rest = name.partition(":")
     main, _, local = rest.partition(":")
@@ -166,7 +166,7 @@ def require(choice: Choice, nlp: NLP) -> None:
     """Refuse a problem that an algorithm cannot solve.
 
     Raises:
-        UsageError: with what is in the way and which algorithms take it.
+        UsageError: with the reason, and the algorithms that can solve the problem.
     """
     algorithm = choice.algorithm
     fixed = nlp.x_lower == nlp.x_upper

@@ -144,7 +144,7 @@ def _fill(matrix: Floats, jac: Floats, entries: tuple[Any, Any, Any, Floats]) ->
 
 
 def _variable_scales(nlp: NLP, x: Floats) -> Floats:
-    """Scales (n,) that bring very large or small variables to ordinary size."""
+    """Scale factors (n,) for very large or small variables."""
     with np.errstate(invalid="ignore"):
         span = nlp.x_upper - nlp.x_lower
     narrow = np.isfinite(span) & (span > 0.0) & (span < USUAL[0])
@@ -154,9 +154,7 @@ def _variable_scales(nlp: NLP, x: Floats) -> Floats:
 
 
 def _gradient_scales(nlp: NLP, x: Floats, x_scale: Floats) -> tuple[float, Floats]:
-    """Factors for the objective and the rows (m,) that bring very large or small gradients at ``x`` (n,) to ordinary
-    size.
-    """
+    """Scale factors for the objective and the rows (m,) with very large or small gradients at ``x`` (n,)."""
     gradient, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 0.0)
     rows = np.zeros(nlp.m)
     np.maximum.at(rows, nlp.jac_rows, np.abs(jac * x_scale[nlp.jac_cols]))

@@ -31,7 +31,7 @@ class Run:
         status: as in a solution, or ``refused`` if the optimizer cannot handle the problem, or ``skipped``.
         message: the same in words.
         objective, violation, optimality: judged in the same way for all, in the spec's own units.
-        iterations: what the optimizer counts as such.
+        iterations: as the optimizer counts them.
         evaluations: evaluations of objective and constraints together, those for judging points included.
         derivatives: evaluations of the derivatives.
         seconds: wall time of the solve; reading and compiling are not in it.

@@ -68,7 +68,7 @@ class Complementarity:
         pairs: number of pairs.
         residual: the largest of the smaller sides, relative to max(1, larger side).
         stationarity: ``"strong"``, ``"M"``, ``"C"`` or ``"weak"``.
-        b_stationary: whether no direction lowers the objective to first order; None where that is not known.
+        b_stationary: whether no direction lowers the objective to first order; None if it is not known.
         degenerate: the statements of which both sides are zero somewhere.
     """
 

@@ -243,8 +243,8 @@ class _Flow:
     def _inverse(self, values: Mapping[object, Any], shape: tuple[int, int]) -> FloatArray:
         """The matrix that maps residuals to changes of the highest derivatives, (steps, derivatives, bodies).
 
-        By differences of the equations, which are linear in them but for rare ones, and at one place in each step: the
-        corrections that follow on one another make up for what the others would tell.
+        By differences of the equations, which are linear in them but for rare ones, and at one place in each step:
+        successive corrections replace the others.
         """
         place = POINTS // 2
         here: dict[object, Any] = {

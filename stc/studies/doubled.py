@@ -86,7 +86,7 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
 def _expected(solution: Solution) -> float:
     """The least processor time of a solve on twice the frames, in seconds.
 
-    The spec is read once more, and an iteration takes twice as long; what was derived and compiled serves again.
+    The spec is read once more, and an iteration takes twice as long; derivatives and kernels are reused.
     """
     seconds = solution.seconds
     total = seconds.get("total", 0.0)

@@ -57,7 +57,7 @@ class EquationReport:
         }
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Rich shows what differs first, then a table of what was compared."""
+        """Rich shows the differences first, then a table of the compared entries."""
         from rich.table import Table
         from rich.text import Text
 

@@ -264,7 +264,7 @@ def _motion(problem: Problem, solution: Solution, missed: States) -> tuple[float
 
 
 def determined(problem: Problem, solution: Solution) -> Iterator[str]:
-    """The variables that equations of motion determine; where there are none, all that have a rate."""
+    """The variables that equations of motion determine; if there are none, all variables with a rate."""
     found = set()
     for relation in problem.relations:
         if relation.is_equality and relation.range.first < relation.range.last:

@@ -1,7 +1,7 @@
 """Many starts: the local optima found from several guesses, and the best of them.
 
 The first start is the spec's own guess.  Every other one adds a smooth random curve to each variable and moves
-each parameter, by amounts that the bounds or the guess suggest; what the spec pins stays.  Numbers come from one
+each parameter, by amounts that the bounds or the guess suggest; values that the spec fixes stay.  Numbers come from one
 generator per start, seeded with the seed and the start's number: start 7 is the same whether 8 or 80 are asked for.
 """
 

@@ -188,7 +188,7 @@ class Profile:
     """Timers around one solve (or the sum of several in a row).
 
     Pass :meth:`minimize` as the minimiser of :meth:`stc.pipeline.Model.solve`, then ask for :meth:`parts`.
-    ``analyse`` is what is done with the sparsity of a KKT system before its first factorisation; plans made from its
+    ``analyse`` is the symbolic analysis of a KKT system before its first factorisation; plans made from its
     values count as factorising.
     """
 

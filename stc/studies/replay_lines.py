@@ -19,7 +19,7 @@ def check_replay_lines(problem: Problem) -> None:
         problem: a spec, with or without a model.
 
     Raises:
-        SpecError: there is no model of that name, MuJoCo does not accept it, or lines do not fit it.
+        SpecError: the model does not exist, MuJoCo does not accept it, or lines do not fit it.
     """
     if problem.model is None:
         return

@@ -156,7 +156,7 @@ class _Joint:
     def forces(self, speed: float) -> tuple[float, float] | None:
         """The odd part of the force on the joint at a velocity, of the spec and of the model; None without a value.
 
-        The spec's rows may be written any way: with the model's mass matrix their accelerations tell the force.
+        The spec's rows may be written any way: their accelerations and the model's mass matrix give the force.
         """
         j, sides = self.number, []
         for sign in (1.0, -1.0):

@@ -42,7 +42,7 @@ def static_forces_named(
 
     Args:
         found: differences of all terms, dry friction named.
-        tables: what they were found in.
+        tables: the tables that contain these differences.
         gap: (S, k) spec's less model's in the column without accelerations.
         mechanics: the model.
     """

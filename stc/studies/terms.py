@@ -49,7 +49,7 @@ class Difference:
 
     Attributes:
         joint: whose row it is in.
-        term: what the entry is called there.
+        term: the name of the entry.
         kind: of the term.
         spec: value according to the spec, at the state where the difference is largest.
         model: value according to the model.
@@ -124,7 +124,7 @@ def matched(
     """The spec's table with its rows sorted, scaled or combined so that the fewest entries differ.
 
     Rows that belong to coordinates are balances of generalised forces on them, which ``joint_maps`` alone turns into
-    those on the joints: a wrong mass would not be told from a wrong force if they could be scaled.
+    those on the joints: if they could be scaled, a wrong mass could not be distinguished from a wrong force.
 
     Args:
         spec: (S, k, C) table at S states, rows as the spec writes them.
@@ -180,7 +180,7 @@ def _best_factor(row: FloatArray, target: FloatArray, scale: FloatArray) -> tupl
     """Per state the factor that makes most entries of ``row`` (S, C) those of ``target``, and the agreement.
 
     A mistake in one constant may change most entries of a row and leave them proportional, so that another
-    scale would make a few more agree.  Rows are mostly written as what they are, a balance of forces: 1 and -1
+    scale would make a few more agree.  Most rows are written as a balance of forces: 1 and -1
     have the advantage of an entry more for each that the row has.
     """
     ratios = target / row

@@ -85,8 +85,9 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
         solution: of it, optimal.
 
     Raises:
-        UsageError: the solution is not optimal, or of another problem; there are no parameters, the objective is no
-            sum of squares over the rows of data sets, or has not more residuals than the fit has degrees of freedom.
+        UsageError: the solution is not optimal, or of another problem; there are no parameters, the objective is not a
+            sum of squares over the rows of data sets, or does not have more residuals than the fit has degrees of
+            freedom.
     """
     if solution.status != "optimal":
         raise UsageError(f"only an optimal solution has standard errors, and this one is {solution.status}")
@@ -136,7 +137,7 @@ def of_solution(solution: Solution) -> Uncertainty:
 
 
 def squares_in(e: Expr) -> list[Expr]:
-    """The expressions whose squares an expression adds up; empty where it is no such sum."""
+    """The expressions whose squares an expression sums; empty if it is not such a sum."""
     if e.op == "add":
         parts = [squares_in(arg) for arg in e.args]
         return [each for part in parts for each in part] if all(parts) else []
@@ -216,7 +217,7 @@ _Entries = tuple[FloatArray, NDArray[Any], NDArray[Any]]
 
 
 class _Sparse:
-    """The system above, for a program of n unknowns and m rows with so many residuals."""
+    """The system above, for a program of n unknowns, m rows and the given number of residuals."""
 
     def __init__(self, n: int, residuals: int, m: int) -> None:
         self.n, self.residuals, self.m = n, residuals, m

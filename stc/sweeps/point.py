@@ -58,7 +58,7 @@ class Found:
             ``optimality``, ``iterations`` of the solve; ``start``, where it started; ``verdict`` of the replay
             (``passed``, ``failed``, or "" without a replay) and ``margin``, the largest ratio of a measurement to its
             limit (None without a verdict); ``message``, the verdict or the failure in words.
-        file: the solution file as bytes; None where there is no solution.
+        file: the solution file as bytes; None without a solution.
     """
 
     index: int

@@ -42,8 +42,8 @@ class Workers:
     """A context in which tasks are carried out side by side.
 
     Args:
-        count: how many processes; 1 means this process.  None means as many as there are processors, or as the backend
-            of ``joblib.parallel_config`` has; without joblib, this process.
+        count: the number of processes; 1 means this process.  None means as many as there are processors, or as the
+            backend of ``joblib.parallel_config`` has; without joblib, this process.
 
     Raises:
         UsageError: fewer than one, or more than one without joblib.

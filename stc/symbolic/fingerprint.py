@@ -5,13 +5,12 @@ have different ones but for a chance of about their degree in 2^61 (Schwartz, J.
 Martin, J. ACM 18, 1971).  The field is that of the integers modulo a prime near 2^61, where literals, being
 fractions, have exact values: no rounding enters.
 
-What is not a polynomial is a random element that depends on the fingerprints of the operands, by a mixture whose
-differences do not tell those of the operands: of a hash that is nearly linear, `1/(a + 1) - 1/a` and
-`1/(b + 1) - 1/b` would often be the same.  Sines and cosines
-of one argument are the two coordinates of a rational point of the circle, so that the squares add up to one;
-exponentials and hyperbolic functions likewise; odd and even functions keep their symmetry.  The reciprocal of a
-divisor is *not* its inverse in the field: ``x/x`` is undefined at 0 and must not be told from its fingerprint to
-be 1.
+An operation that is not polynomial gives a random element that depends on the fingerprints of the operands, by a
+mixture whose differences do not reveal those of the operands: of a hash that is nearly linear, `1/(a + 1) - 1/a` and
+`1/(b + 1) - 1/b` would often be the same.  Sines and cosines of one argument are the two coordinates of a rational
+point of the circle, so that the squares add up to one; exponentials and hyperbolic functions likewise; odd and even
+functions keep their symmetry.  The reciprocal of a divisor is *not* its inverse in the field: ``x/x`` is undefined at
+0 and its fingerprint must not be that of 1.
 """
 
 from __future__ import annotations

@@ -160,8 +160,8 @@ class Table:
         coefficients: (pieces, 4) or (pieces of the first axis, pieces of the second one, 4, 4).
         degree: of the pieces as polynomials in each argument: 0, 1 or 3.
         kind: how it is interpolated, of :data:`KINDS`, or ``steps``.
-        outside: what holds outside of it, of :data:`OUTSIDE`.
-        digest: tells it from tables with other numbers.
+        outside: its continuation, one of :data:`OUTSIDE`.
+        digest: distinguishes it from tables with other numbers.
     """
 
     def __init__(
@@ -235,7 +235,7 @@ class TableRef:
     """A table in an expression, or a partial derivative of it: the payload of a leaf.
 
     Attributes:
-        name: what the spec calls it.
+        name: its name in the spec.
         table: the numbers.
         orders: how often it is differentiated by each argument.
         of_time: a reference: its argument is always the time.
@@ -264,7 +264,7 @@ class TableRef:
         return TableRef(self.name, self.table, (0,) * len(self.orders), self.of_time)
 
     def derivative(self, argument: int) -> TableRef | None:
-        """The partial derivative by an argument, counted from 0; None where it is zero everywhere."""
+        """The partial derivative by an argument, counted from 0; None if it is zero everywhere."""
         orders = tuple([order + (k == argument) for k, order in enumerate(self.orders)])
         if max(orders) > self.table.degree:
             return None

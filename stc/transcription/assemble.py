@@ -154,11 +154,11 @@ class Program:
     Attributes:
         runs: of the inputs of the groups' values kernels, then of their derivatives kernels.
         index_values, index_derivatives: per group (blocks, runs, LANES) int32 where they begin in the workspace.
-        copied_values, copied_derivatives: what is copied within the workspace before the kernels run, from and to.
+        copied_values, copied_derivatives: the copies within the workspace before the kernels run, from and to.
         data_start: per group where its node data begins in the workspace, (nodes, data).
         row_group, row_number, row_instance: (m,) where each row comes from.
         values_start, derivatives_start, constants_start: per group where its outputs begin in a buffer.
-        values_size, derivatives_size: of the two buffers; constants take what is left of the second one.
+        values_size, derivatives_size: of the two buffers; constants take the rest of the second one.
         varying_size: where in the second one constants begin.
         row_source: (m,) int32 where each row is in the values kernels' buffer.
         objective_source: int32 places there that add up to the objective.

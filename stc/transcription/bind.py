@@ -41,7 +41,7 @@ FloatArray = NDArray[np.float64]
 class Contradiction:
     """Bounds that contradict each other, found before solving.
 
-    ``relations`` index ``Problem.relations``; ``gap`` is how far apart the bounds are.
+    ``relations`` index ``Problem.relations``; ``gap`` is the distance between the bounds.
     """
 
     relations: tuple[int, ...]
@@ -107,7 +107,7 @@ def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, nu
     Parameters that steps depend on are bounded so that steps are positive.
 
     Raises:
-        EvaluationError: a bound, or what it bounds, has no value.
+        EvaluationError: a bound, or the bounded expression, has no value.
     """
     size = layout.size
     result = Bounds(np.full(size, -np.inf), np.full(size, np.inf), np.full(size, -1), np.full(size, -1), [])
@@ -213,7 +213,7 @@ def _check_limits(
 
 
 def _check_value(relation: Relation, e: Expr, value: FloatArray, nodes: Nodes, numbers: Numbers) -> None:
-    """Refuse what is not a number at some node, such as what is too large for one.
+    """Refuse values that are not finite at some node.
 
     Raises:
         EvaluationError: with the statement, the frame and the constants.

@@ -8,10 +8,10 @@ velocities a foot would drift by the accumulated error.
 Therefore the links hold only along the directions in which the foot can move.  In the other directions each step has
 additional unknowns, multiplied by the gradients in the middle of the step and added to the links::
 
-    q1 - q0 - h/6 (v0 + 4 vm + v1) + Jm^T g = 0,    J = dc/dq of what is held, c(q) = 0 at both frames
+    q1 - q0 - h/6 (v0 + 4 vm + v1) + Jm^T g = 0,    J = dc/dq of the constraints, c(q) = 0 at both frames
     v1 - v0 - h/6 (a0 + 4 am + a1) + Jm^T k = 0,    J v = 0 at both frames
 
-This projects each step onto what is held, as in the stabilised form of Gear, Leimkuhler and Gupta (1985) and in the
+This projects each step onto the constraints, as in the stabilised form of Gear, Leimkuhler and Gupta (1985) and in the
 constrained collocation of Posa, Kuindersma and Tedrake (2016).  g and k are as small as the method's error in one step,
 so that the method keeps its order, and the direction of the projection matters little.  The gradients in the middle are
 the same forwards and backwards in time.  Where there are no midpoints, the mean of those at both ends stands for them.

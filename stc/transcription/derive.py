@@ -173,7 +173,7 @@ _PARTNER = {"sin": "cos", "cos": "sin"}
 def _kept(bodies: Sequence[Expr], derivatives: Sequence[Expr], inputs: Set[object]) -> list[Expr]:
     """The function values that the derivatives need and the values kernel computes, or nearly computes.
 
-    A function takes as long as ten operations or twenty, and to keep what it gives takes one or two.
+    A function takes as long as ten or twenty operations, and storing its result takes one or two.
     """
     had = set(reachable(bodies))
     return [
@@ -233,7 +233,7 @@ def _name_of(groups: Sequence[Group], uniform: Sequence[object]) -> str:
 
 @lru_cache(maxsize=1)
 def _own_digest() -> str:
-    """Hash of the code that what is kept depends on."""
+    """Hash of the code on which the kept data depends."""
     package = Path(__file__).parent.parent
     sources = [Path(__file__), *sorted((package / "symbolic").rglob("*.py"))]
     return cache.key_of(engine.own_digest(), *[digest_of(str(path)) for path in sources])

@@ -129,7 +129,7 @@ class Copying:
 
     Attributes:
         run_source, run_at, run_length: (runs,) int32 of the runs; run_first: which of all places they begin with.
-        single_source, single_at: (singles,) int32 of what is in none; single: which of all places these are.
+        single_source, single_at: (singles,) int32 of entries in no run; single: which of all places these are.
     """
 
     run_source: PlaceArray

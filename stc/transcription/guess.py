@@ -243,7 +243,7 @@ def _written(
     time: FloatArray,
     outside: Mapping[str, NodeValues | None],
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """The spec's guesses at frames (n+1,) and midpoints (n,) per variable, NaN where there is none.
+    """The spec's guesses at frames (n+1,) and midpoints (n,) per variable, NaN without one.
 
     Those that there are numbers for from outside at every node are left out.
     """

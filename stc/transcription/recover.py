@@ -129,7 +129,7 @@ class Recovery:
         return channel
 
     def _filled(self, body: Expr, where: int, count: int) -> FloatArray:
-        """Values at all frames, of the side ``where``, or at all midpoints; nan where there are none. (count,)"""
+        """Values at all frames, of the side ``where``, or at all midpoints; nan without values. (count,)"""
         into = np.full(count, np.nan)
         for form in forms_of(self.lowering, body, where):
             values = dict(self._values)

@@ -40,7 +40,8 @@ def resample_multipliers(
     lengths: FloatArray,
     alignment: Alignment,
 ) -> tuple[FloatArray, FloatArray]:
-    """Multipliers of rows (m,) and bounds (size,) that follow an earlier solution's; 0 for what it does not have.
+    """Multipliers of rows (m,) and bounds (size,) that follow an earlier solution's; 0 for statements that it does not
+    have.
 
     Args:
         bound: the program to start, its ``x0`` following the same solution.
@@ -181,7 +182,7 @@ class _Way:
     def follow(self, values: FloatArray, old_lengths: FloatArray, new_lengths: FloatArray) -> FloatArray:
         """Linear between the old multipliers (k,), where dense those per unit of time; 0 where there are none.
 
-        They are 0 beside a node without a multiplier: what holds on one frame holds there alone.
+        They are 0 beside a node without a multiplier: a multiplier of a single frame belongs to that frame.
         """
         both = np.concatenate([values, values / self.old(old_lengths)])
         after, before = both[self.right], both[self.left]
@@ -251,7 +252,7 @@ class _Before:
     Attributes:
         strands: by statement, one for every row that it has on a node.
         weights: time that the multipliers of all blocks stand for.
-        count: how many these are.
+        count: the number of these.
     """
 
     def __init__(self, alignment: Alignment, n: int, solution: Solution) -> None:
@@ -326,7 +327,9 @@ class _After:
             self.weights.append(weights if density.all() else weights.among(density))
 
     def joined(self) -> tuple[IntArray, IntArray, IntArray, FloatArray, NDArray[np.bool_], IntArray]:
-        """Targets, places before and after, how far between them, whether at the end; which are found by density."""
+        """Targets, places before and after, the fraction between them, whether at the end; which are found by
+        density.
+        """
         target, left, right, part, beside, density = (
             np.concatenate([entry[k] for entry in self._entries]) for k in range(6)
         )

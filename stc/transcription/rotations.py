@@ -89,7 +89,7 @@ def without_angular_accelerations(body: Expr, rotations: Sequence[Rotation]) -> 
 
 
 def _rates_of_orientation(rotation: Rotation) -> list[Expr]:
-    """2 vec(conj(q) q') with the quaternion's derivatives as such."""
+    """2 vec(conj(q) q') with the derivatives of the quaternion's components."""
     rates = [sym(VariableRef(name, 1)) for name in rotation.quaternion]
     return [2.0 * c for c in _from(_quaternion(rotation), rates)[1:]]
 

@@ -9,7 +9,7 @@ Central differences replace a derivative by the derivative of the polynomial thr
                      x[m] = (x[i] + x[i+1])/2 + h/8 (x'[i] - x'[i+1])
     stepping         x[i+1] - x[i] = h x'[i+1]
 
-The last is the implicit rule of Euler, of first order.  What holds at the end of a step decides about the step: an
+The last is the implicit rule of Euler, of first order.  The right end of a step determines the rule of the step: an
 impact within one is a large force in it, and momentum is balanced without asking when the impact was (Stewart and
 Trinkle 1996; as a transcription Posa, Cantu and Tedrake 2014).
 """

@@ -33,7 +33,7 @@ LINK = -1
 
 @dataclass(slots=True)
 class Row:
-    """``lower <= body <= upper`` at every node; None is no bound.  ``relation`` indexes Problem.relations.
+    """``lower <= body <= upper`` at every node; None means no bound.  ``relation`` indexes Problem.relations.
 
     ``also`` lists what other relations state the very same row: pairs of relation and node.
     """

@@ -65,7 +65,7 @@ class Wanted:
         return found
 
     def others(self, size: int) -> Places:
-        """The variables, of so many, that are not in the part."""
+        """The variables, out of the given number, that are not in the part."""
         assert self.part is not None
         cols = self.part.cols
         return self._once("others", lambda: _without(size, cols))

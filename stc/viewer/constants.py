@@ -21,7 +21,7 @@ class Constant:
         value: that of the motion that is shown.
         low, high: range of its slider; any number may be typed in.
         note: the comment on its line, where there is one.
-        structural: whether frames and ranges depend on it: changing it derives the program anew, which takes
+        structural: whether frames and ranges depend on it: after a change the program is derived again, which takes
             longer.
     """
 
@@ -56,7 +56,7 @@ def constants_of(model: Model, solution: Solution) -> list[Constant]:
 
 
 def slider_range(value: float) -> tuple[float, float]:
-    """A range around a value: from zero to its double, or -1 to 1 where it is zero."""
+    """A range around a value: from zero to twice the value, or -1 to 1 if it is zero."""
     if value == 0.0:
         return -1.0, 1.0
     return min(0.0, 2.0 * value), max(0.0, 2.0 * value)

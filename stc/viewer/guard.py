@@ -1,14 +1,13 @@
 """Access control of the viewer's web page, and limits on the resources of its clients.
 
 The page has no password.  What keeps strangers out is the address that it listens on and, since a browser on this
-machine runs pages of other sites as well, two headers that such pages cannot forge: ``Host`` tells under which name a
-browser looked the page up, ``Origin`` whose page asks.  Both are checked in every request, including a websocket's
-handshake (RFC 6454).  A name that is not this machine's means that another site has its name resolved to this machine
-("DNS rebinding"); an origin that is not the page's own means another site's script.
+machine runs pages of other sites as well, two headers that such pages cannot forge: ``Host`` is the name under which a
+browser requested the page, ``Origin`` the page that sent the request.  Both are checked in every request, including a
+websocket's handshake (RFC 6454).  A name that is not this machine's means that another site has its name resolved to
+this machine ("DNS rebinding"); an origin that is not the page's own means another site's script.
 
-Studio's server (MuJoCo 4.0) checks neither, tells browsers that any site may read its answers, and waits for slow or
-silent visitors as long as they like.  It calls :func:`websockets.asyncio.server.serve`; :class:`Guard` is what it is
-given in its place.
+Studio's server (MuJoCo 4.0) checks neither, allows any site to read its answers, and waits for slow or silent visitors
+without a limit.  It calls :func:`websockets.asyncio.server.serve`; :class:`Guard` replaces it.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ class Visitors:
     """The connections of a server, bounded in number.
 
     Attributes:
-        silent: connections that have not asked for anything yet, oldest first.
+        silent: connections without a request so far, oldest first.
         answered: connections whose answer is being sent, oldest first.
         sockets: open websockets.
     """

@@ -106,7 +106,7 @@ class Motion:
         """The solved paths with a ball at each frame (at every other, third ... one where there are many).
 
         Args:
-            offset: (3,) by how much the ghost, which follows them, is moved, in m.
+            offset: (3,) displacement of the ghost, which follows them, in m.
         """
         if self._paths is None or not np.array_equal(self._paths[0], offset):
             self._paths = (offset, self._solved_paths(offset))
@@ -138,7 +138,7 @@ class Motion:
 
         Args:
             instant: seconds.
-            offset: (3,) by how much the ghost, on which they act, is moved, in m.
+            offset: (3,) displacement of the ghost, on which they act, in m.
         """
         import mujoco
 

@@ -31,8 +31,8 @@ class Panel:
         """Prepare.
 
         Args:
-            player: what the panel acts on.
-            save: saves the motion on show and tells where it went; None leaves the button out.
+            player: the player that the panel controls.
+            save: saves the displayed motion and returns its path; None leaves the button out.
         """
         self._player, self._save = player, save
         self._typed: dict[str, float] = {}

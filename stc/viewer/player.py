@@ -39,7 +39,7 @@ class Options:
         aside: distance of the ghost from the body, in m, along y.
         physics: MuJoCo's run of the motion as the opaque body; without it that body is the solved one.
         tracked: with feedback, or open loop.
-        forces: arrows and arcs for what was solved.
+        forces: arrows and arcs for the solved forces.
         contacts: arrows for the forces of MuJoCo's contacts.
         paths: of feet and end effectors, with a ball at each frame.
     """
@@ -62,7 +62,7 @@ class Frame:
         body: the opaque model's state.
         ghost: the ghost's state.
         offset: (3,) of the ghost, in m.
-        shapes: what is drawn besides.
+        shapes: the shapes that are drawn in addition.
         simulated: whether the body is where MuJoCo's physics has it; else it is the solved motion's.
         generation: of the motion; see :attr:`Player.generation`.
     """
@@ -114,7 +114,7 @@ class Player:
         """A player of a solution.
 
         Args:
-            solution: what is to be shown first.
+            solution: the motion to show first.
             beside: folders to look for its model in, besides the spec's own.
             options: what is shown; by default everything, the ghost aside.
 
@@ -139,7 +139,7 @@ class Player:
 
     @property
     def frame_step(self) -> float:
-        """The mean duration of a step between two frames, in seconds: what a key moves the time by."""
+        """The mean duration of a step between two frames, in seconds: the time step of a key."""
         return self.timeline.duration / max(1, self.solution.n)
 
     @property

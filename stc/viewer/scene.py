@@ -1,7 +1,7 @@
 """The displayed model: the spec's own, and a translucent copy of its bodies as the ghost.
 
 The ghost is part of the model rather than drawn on top of it: viewers that render elsewhere, such as the one in a
-browser, draw meshes only for what the model has.  It touches nothing and weighs on nothing.  The whole ghost hangs
+browser, draw only the meshes of the model.  It touches nothing and weighs on nothing.  The whole ghost hangs
 on one mocap body, by which it can be moved aside.
 """
 
@@ -112,7 +112,7 @@ class Scene:
             data: of the scene's model.
             body: the opaque model's state; its time becomes that of ``data``.
             ghost: the ghost's state.
-            offset: (3,) by how much the ghost stands aside, in m.
+            offset: (3,) displacement of the ghost, in m.
         """
         body.put(data)
         if self.has_ghost:

@@ -72,7 +72,7 @@ def force_arrow(
         point: (3,) m.
         force: (3,) N.
         scale: length of the arrow in m per N.
-        size: length of the longest arrow, in m: what is much shorter is left out.
+        size: length of the longest arrow, in m: much shorter arrows are left out.
         colour: of the arrow.
     """
     arrow = scale * force

@@ -1,8 +1,8 @@
 """MuJoCo Studio's side of the viewer: two plugins around a :class:`stc.viewer.player.Player`.
 
-Studio runs a simulation and a window on two threads that exchange messages.  Here the simulation's plugin asks the
-player what is to be seen and passes it on, and the window's plugin shows it and builds the panel.  Studio's own
-controls of time (the space bar, its run and pause buttons, its speed) act on the player's timeline.
+Studio runs a simulation and a window on two threads that exchange messages.  Here the simulation's plugin gets the
+scene from the player and passes it on; the window's plugin shows it and builds the panel.  Studio's own controls of
+time (the space bar, its run and pause buttons, its speed) act on the player's timeline.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ def launch(
         host: address to listen on.
         port: 0 takes the first free one from 8080 on.
         plugins: of both sides.
-        ready: told the page's address once it is served.
+        ready: called with the page's address once it is served.
     """
     config = viewer_protocol.ViewerConfig(title=title, gfx="web", http_port=port)
     of_window, of_simulation = plugin.split_plugins(plugins)

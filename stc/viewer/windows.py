@@ -117,7 +117,7 @@ def open_web(
         title: of the page.
         host: address to listen on.
         port: 0 takes the first free one from 8080 on.
-        ready: told the page's address once it is served.
+        ready: called with the page's address once it is served.
 
     Raises:
         UsageError: the address cannot be listened on.

@@ -1,4 +1,4 @@
-"""One line that says what is wrong with a motion: the joint and the term.
+"""One line that names the cause of a failure: the joint and the term.
 
 Measurements are examined from cause to effect.  A term of the equations of motion that differs from the model's
 explains a residual, and a residual explains a drift.  The differing term is therefore named first; among several

@@ -52,7 +52,7 @@ class Framing:
     Attributes:
         lookat: (3,) the middle of the motion, m.
         azimuth, elevation: of the view in degrees, as MuJoCo's free camera has them.
-        slope: half the height of what is seen at a distance of one metre, in m.
+        slope: half the visible height at a distance of one metre, in m.
         across, along, depth: (m,) places of corners of the bodies, in m from the middle: to the side and up or down,
             without sign, and towards the camera.
     """

@@ -77,7 +77,7 @@ def _current_context(backend: str, width: int, height: int) -> Any:
     """A context of this backend, which is the current one.
 
     Raises:
-        Exception: of whatever kind, where there is none.
+        Exception: of any kind, if there is none.
     """
     missing = [names for names in _LIBRARIES.get(backend, ()) if not any(map(_loads, names))]
     if missing:

@@ -91,7 +91,7 @@ def figure(replays: Replays) -> Figure:
 
 
 def grid_of_plots(count: int, solution: Solution) -> tuple[Figure, Sequence[Axes]]:
-    """A figure with the motion's name above it, and the axes of so many plots."""
+    """A figure with the motion's name above it, and the given number of axes."""
     from matplotlib.figure import Figure
 
     columns = 2 if count in (2, 4) else min(3, max(1, count))

@@ -72,7 +72,7 @@ class Distances:
         """The smooth lower bound of ``distance(geom.A, geom.B)``.
 
         Raises:
-            PathError: there is no such distance.
+            PathError: the distance is not defined.
         """
         if len(call.arguments) != 2:
             raise PathError(

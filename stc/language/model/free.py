@@ -18,10 +18,10 @@ Tedrake 2014).  A speed r that goes to zero with the relaxation rounds the tip o
 limit keeps s from drifting off where no force asks for it: r^2 <= s^2 - v.v <= r^2 + 1, in m^2/s^2.  In the plane the
 sum is that of two products of numbers, 2 (f v + mu p s) = (mu p + f) (s + v) + (mu p - f) (s - v).
 
-Two methods bring the products to nothing, each where it was measured to be the better one (docs/complementarity.md).
-What stands, and what slides in space, may be off its law by as much as a constant, which the solve brings down
-(Scholtes 2001, :mod:`stc.relaxing`): at zero no point has room on all sides.  What slides in the plane is stated by
-complementary pairs, whose products are an exact penalty (:mod:`stc.solver.complementarity`).
+Two methods reduce the products to zero, each where it performed better (docs/complementarity.md).
+The laws of standing contacts and of those that slide in three dimensions are relaxed by a constant, which the solve
+reduces (Scholtes 2001, :mod:`stc.relaxing`): at zero no point has room on all sides.  What slides in the plane is
+stated by complementary pairs, whose products are an exact penalty (:mod:`stc.solver.complementarity`).
 """
 
 from __future__ import annotations

@@ -70,11 +70,11 @@ def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None 
     Parameters
     ----------
     rows, given
-        Jacobians at a configuration where nothing is aligned by chance, (k, nv) and (m, nv).
+        Jacobians at a configuration without accidental alignments, (k, nv) and (m, nv).
     seen
         The same two at a configuration that the motion goes through. Of rows that can stand for each other those are
         kept that add most there: of two points of a sole that lies along x, the second one's x says nothing while the
-        sole is level, though it does where it is tilted. Where nothing is seen, the first rows are kept.
+        sole is level, though it does where it is tilted. If no dependence is found, the first rows are kept.
 
     Returns
     -------

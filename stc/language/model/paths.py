@@ -136,7 +136,7 @@ class Paths:
             at: x, y and z.
 
         Raises:
-            PathError: that is not what is written, or x, y and z are not the same all along a motion.
+            PathError: the call has another form, or x, y and z are not constant over a motion.
         """
         hint = "a point in a body is `point(body.NAME, x, y, z)`"
         body = call.arguments[0] if call.arguments else None

@@ -216,7 +216,7 @@ class Schedule:
         """The frame of ``point(body.NAME, x, y, z)``, and the path of its body.
 
         Raises:
-            PathError: that is not what is written.
+            PathError: the call has another form.
         """
         numbers = [self.context.constants.value_of(part) for part in call.arguments[1:]]
         if None in numbers:

@@ -250,8 +250,8 @@ def model_of(
     """The model that a spec names, read once; None without a model, or after a mistake, which is added.
 
     Args:
-        overrides: values from outside.  Numbers of the model that are no inputs of the compiled program, zeros above
-            all, are changed in it when they are among these.
+        overrides: values given by the caller.  Values for numbers that are not inputs of the compiled program, mainly
+            zeros, are set in the model itself.
     """
     if None not in tree.models:
         tree.models[None] = _read(tree, diagnostics)
