@@ -1,8 +1,8 @@
 """`abs`, `min`, `max`, `sign` and `floor`: their values for known arguments, and replacements for unknown ones.
 
-Of constants they are numbers, of `t`, `i` and data functions like any other. Of an unknown, ``abs(e)`` stands for
-``sqrt(e^2)``, ``max(a, b)`` for ``(a + b + sqrt((a - b)^2))/2``: in products that are smooth all the same, such as
-``v*abs(v)`` and ``max(0, x)^2``, they may stay (:mod:`stc.language.smoothing`). Anywhere else they
+With constant arguments their value is a number; with `t`, `i` and data as arguments they are ordinary functions.
+With an unknown, ``abs(e)`` stands for ``sqrt(e^2)``, ``max(a, b)`` for ``(a + b + sqrt((a - b)^2))/2``. They may stay
+in products that are smooth, such as ``v*abs(v)`` and ``max(0, x)^2`` (:mod:`stc.language.smoothing`). Elsewhere they
 have no derivative; the message then has the lines that state the same without a kink.
 """
 

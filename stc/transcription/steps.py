@@ -34,7 +34,7 @@ class Steps:
     Attributes:
         basis: the expressions ``phi`` of constants and parameters.
         parameters: those in the basis, each once.
-        support: (len(basis), n) bool, which steps have which basis function; known before any number is.
+        support: (len(basis), n) bool, the basis functions of each step; it does not depend on the values of constants.
     """
 
     def __init__(self, problem: Problem, grid: Grid, expand: Expand) -> None:
