@@ -148,11 +148,11 @@ def main() -> None:
             flush=True,
         )
     print(
-        f"\n{args.spec}, solved on all its frames. Times are the minimum of at least {SOLVES} solves ({FEW_SOLVES} from "
-        f"{MANY:,} frames on), in processor time of one thread; *with two threads*, the default, in wall time. *By way of "
-        "fewer frames* is the default solve, here on one thread. *Set up* is the time from the text to the nonlinear "
-        "program, without compiling. *Evaluate* is one evaluation of the functions and all derivatives. *Memory* is that "
-        "of the solve. "
+        f"\n{args.spec}, solved on all its frames. Times are the minimum of at least {SOLVES} solves ({FEW_SOLVES} "
+        f"from {MANY:,} frames on), in processor time of one thread; *with two threads*, the default, in wall time. "
+        "*By way of fewer frames* is the default solve, here on one thread. *Set up* is the time from the text to the "
+        "nonlinear program, without compiling. *Evaluate* is one evaluation of the functions and all derivatives. "
+        "*Memory* is that of the solve. "
         f"{exponent(rows)}"
     )
     if args.plot:
