@@ -148,7 +148,7 @@ WRONG_LINES = [
     (line("set joint.x.lower.x", 1), "lower has no parts"),
     (line("set option.gravty.z", 1), r"no such option; did you mean gravity\?"),
     (line("set option", 1), "no such option"),
-    (line("set wind.x", 1), "wind is nothing to set; known: option, body"),
+    (line("set wind.x", 1), "wind cannot be set; known: option, body"),
     (line("set option.density", Channel.smooth(TIME)), "the value changes along the motion"),
     (line("set body.particle.mass", 2), "set body.particle.mass stands in the replay section twice"),
     (line("compare site.trial.x"), r"no site trial; did you mean trail\?"),
@@ -156,7 +156,7 @@ WRONG_LINES = [
     (line("compare com.particle.wx"), r"end the path in one of \.x, \.y, \.z, \.vx, \.vy, \.vz$"),
     (line("compare light.sun"), "light cannot be compared; known: joint"),
     (line("compare site"), "the name of the site is missing"),
-    (line("compare joint.x.force"), r"a joint has its position and \.velocity, no \.force"),
+    (line("compare joint.x.force"), r"a joint has its position and \.velocity, but no \.force"),
     (line("compare sensor.none"), "the model has no sensor none$"),
 ]
 
