@@ -21,7 +21,7 @@ from stc.language.expressions import TIME
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.model.scope import RELAXATION, is_starred
 from stc.language.name_table import DATA_SET
-from stc.language.statements import Objective, Relations, statement_text
+from stc.language.statements import Objective, Relations
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
     ConstantRef,
@@ -294,7 +294,7 @@ class _Elaborator(Context):
             if self.builder.poisoned or where is None:
                 continue
             before = len(found)
-            text = statement.written or statement_text(self.source, statement)
+            text = statement.written or syntax.statement_text(self.source, statement)
             for part in bounded:
                 body = self.settled(part.body, where, statement)
                 if any(
@@ -326,7 +326,7 @@ class _Elaborator(Context):
             if statement.complementary and came[-3:] != [1, 1, 1]:  # as of distances, which take several rows
                 found[before:] = [replace(one, complementary=False) for one in found[before:]]
         if self.builder.paths is not None:
-            self.builder.paths.distances.declare(self)
+            self.builder.paths.distances.declare(self.table)
         return found
 
     def _warn_of_frames(self) -> None:
@@ -413,7 +413,7 @@ class _Elaborator(Context):
             summands = self.objective.split(statement.operands[0])
             if self.builder.poisoned or where is None:
                 continue
-            text = statement_text(self.source, statement)
+            text = syntax.statement_text(self.source, statement)
             for part in summands:
                 body = self.settled(part.body, where, statement)
                 rows = self.rows(block)

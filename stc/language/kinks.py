@@ -97,9 +97,7 @@ def kinks_in(builder: ExpressionBuilder, e: Expr) -> list[syntax.Call]:
 
 
 def _text(builder: ExpressionBuilder, node: syntax.Node) -> str:
-    from stc.language.statements import statement_text
-
-    return statement_text(builder.diagnostics.source, node)
+    return syntax.statement_text(builder.diagnostics.source, node)
 
 
 def _tight(builder: ExpressionBuilder, node: syntax.Expression) -> str:

@@ -20,7 +20,6 @@ from stc.language.expression_parser import (
 )
 from stc.language.habits import list_hint, vector_hint
 from stc.language.lexer import Tokens, tokenize
-from stc.language.statements import statement_text
 from stc.language.words import (
     COMPLEMENTS,
     KEYFRAME,
@@ -435,7 +434,7 @@ class _Parser(ExpressionParser):
             )
             return []
         spared = syntax.Product(start, end, [("*", _spared(found)) for found in both])
-        written = statement_text(self.diagnostics.source, syntax.Node(start, end))
+        written = syntax.statement_text(self.diagnostics.source, syntax.Node(start, end))
         product = syntax.Relation(start, end, [spared, syntax.Number(start, end, 0.0)], ["<="], written, True)
         return [*both, product]
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 
-from stc.errors import Source, Span
+from stc.errors import Span
 from stc.language import syntax
 from stc.language.expressions import ExpressionBuilder
 from stc.problem import ConstantRef, FrameRange, ParameterRef, Relation
@@ -15,14 +14,6 @@ from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, sub, sum_of, symbo
 
 #: So many integrals a statement of the objective may come to.
 MOST_INTEGRALS = 10_000
-
-_BLANK = re.compile(r"(?:\s|#[^\n]*)+")
-
-
-def statement_text(source: Source, node: syntax.Node) -> str:
-    """The characters of a statement on one line, without comments."""
-    text = source.text[node.start : node.end]
-    return _BLANK.sub(" ", text) if "\n" in text or "#" in text or "  " in text else text
 
 
 @dataclass(slots=True)
@@ -109,13 +100,13 @@ class Relations:
             parts = []
             for operand in node.operands:
                 if isinstance(operand, syntax.Vector):
-                    parts.append(statement_text(source, operand.items[k]))
+                    parts.append(syntax.statement_text(source, operand.items[k]))
                 elif isinstance(operand, syntax.Name):
                     parts.append(f"{operand.name}{k + 1}")
                 elif isinstance(operand, syntax.Prime) and isinstance(operand.operand, syntax.Name):
                     parts.append(f"{operand.operand.name}{k + 1}" + "'" * operand.order)
                 else:
-                    parts.append(statement_text(source, operand))
+                    parts.append(syntax.statement_text(source, operand))
             row = parts[0]
             for operator, part in zip(node.operators, parts[1:]):
                 row += f" {operator} {part}"
@@ -257,4 +248,4 @@ class Objective:
         integrals.append(mul(factor, body))
 
 
-__all__ = ["Bounded", "Objective", "Relations", "Summand", "infinite", "statement_text"]
+__all__ = ["Bounded", "Objective", "Relations", "Summand", "infinite"]

@@ -7,6 +7,7 @@ thousand terms is no deeper than one of two.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import TypeAlias
 
@@ -20,6 +21,15 @@ class Node:
 
     start: int = field(compare=False, repr=False)
     end: int = field(compare=False, repr=False)
+
+
+_BLANK = re.compile(r"(?:\s|#[^\n]*)+")
+
+
+def statement_text(source: Source, node: Node) -> str:
+    """The characters of a node on one line, without comments."""
+    text = source.text[node.start : node.end]
+    return _BLANK.sub(" ", text) if "\n" in text or "#" in text or "  " in text else text
 
 
 # ---------------------------------------------------------------- expressions

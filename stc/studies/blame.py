@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.language.statements import statement_text
-from stc.language.syntax import Node
+from stc.language.syntax import Node, statement_text
 from stc.problem import ConstantRef, ParameterRef
 from stc.records import dataclass, field
 from stc.solver.convexity import is_convex

@@ -102,7 +102,7 @@ class ModelStatements:
         yield from equations_of_motion(context, self.scope, forces)
         yield from activations(context, self.scope)
         yield from bounds(context, self.scope)
-        yield from self.paths.distances.relations(context)
+        yield from self.paths.distances.relations(context.everywhere, context.span(self.scope.statement))
         yield from contacts.relations()
         yield from contacts.impacts(self.equalities)
         yield from laws(contacts)
@@ -137,12 +137,13 @@ class ModelStatements:
         Args:
             relations: those of the spec, which may fix single coordinates at a frame.
         """
+        context = self.context
         known = self._known_poses(relations)
         thrown = not self.equalities.to_world and not self.contacts.free()
         flights = self.contacts.flights() if thrown else []
-        yield from way_between(self.context, self.scope, known, flights)
+        yield from way_between(context, self.scope, known, flights)
         yield from self.contacts.guesses()
-        yield from self.paths.distances.guesses(self.context)
+        yield from self.paths.distances.guesses(context.everywhere, context.span(self.scope.statement))
 
     def free_contacts(self) -> list[FreeContact]:
         """The contacts whose frames are left to the solver."""

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from stc.errors import Span
 from stc.language import syntax
-from stc.language.context import Context
 from stc.language.model.scope import ModelScope, PathError, parts_of, quoted
-from stc.language.name_table import Entry
+from stc.language.name_table import Entry, NameTable
 from stc.mechanism.mechanism import index_of
 from stc.mechanism.separation import SHAPES, Separation, separation
 from stc.mechanism.vectors import dot
-from stc.problem import Guess, Relation, VariableRef
+from stc.problem import FrameRange, Guess, Relation, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import derivative
 from stc.symbolic.expr import ONE, ZERO, Expr, add, call, mul, num, reachable, sub, substitute, sym
@@ -166,19 +166,18 @@ class Distances:
         """The variables by which relations are exact."""
         return [name for pair in self.stated.values() for name in (*pair.direction, *pair.widths)]
 
-    def declare(self, context: Context) -> None:
+    def declare(self, table: NameTable) -> None:
         """Make variables of the directions that relations have asked for."""
         at = self.scope.statement
         for name in self.unknowns():
-            context.table.entries.setdefault(name, Entry(name, "variable", at.start, at.end, None, True))
+            table.entries.setdefault(name, Entry(name, "variable", at.start, at.end, None, True))
 
-    def relations(self, context: Context) -> Iterator[Relation]:
+    def relations(self, where: FrameRange, span: Span) -> Iterator[Relation]:
         """What directions are: vectors of length 1, which see so much of every half segment.
 
         A shorter one sees a smaller gap where there is one: it need not be excluded there, and a solve that begins
         where things overlap finds its way out sooner.
         """
-        where, span = context.everywhere, context.span(self.scope.statement)
         for pair in self.stated.values():
             n = _symbols(pair.direction)
             least = ONE if pair.name in self.overlapping else None
@@ -189,9 +188,8 @@ class Distances:
                         body, ZERO, None, where, span, f"{name} is what {pair.name} sees of a side"
                     )
 
-    def guesses(self, context: Context) -> Iterator[Guess]:
+    def guesses(self, where: FrameRange, span: Span) -> Iterator[Guess]:
         """Directions between the points that are nearly nearest, where the motion starts."""
-        where, span = context.everywhere, context.span(self.scope.statement)
         for pair in self.stated.values():
             direction = pair.apart.direction()
             for name, body in zip(pair.direction, direction, strict=True):
