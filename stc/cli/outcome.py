@@ -98,7 +98,7 @@ class Outcome:
             console.note(self.found.message)
         if self.found is not None and self.found.remark:
             console.note(self.found.remark)
-        if self.grid is not None and self.grid.gross:
+        if self.grid is not None and self.grid.warning:
             console.note(self.grid.warning)
         if self.solution.is_sketch and self.solution.status == "optimal":
             console.note(f"the motion is one in time steps, of first order: {self.next_step}")

@@ -21,7 +21,7 @@ from stc.solution import Solution
 from stc.studies.frames import ORDER, Spread
 from stc.trajectory import Channel
 
-__all__ = ["FROM_COARSER", "LEAST_RANGE", "apart", "change_when_doubled", "range_of"]
+__all__ = ["FROM_COARSER", "LEAST_RANGE", "NotFoundError", "apart", "change_when_doubled", "range_of"]
 
 FROM_COARSER = 100
 """Iterations from the solution on fewer frames; where that is near one on more it takes two or three, or some tens."""
@@ -32,6 +32,10 @@ SHARE_OF_TIME, LEAST_TIME = 0.25, 1.0
 FEW, LATE = 20, 2.0
 """Iterations that the finer solve is reckoned to take: it is not begun where these alone are too many.  Once begun it
 may take so many times what is allowed, lest the answer hang on a hair."""
+
+
+class NotFoundError(Exception):
+    """The solve on twice the frames ended without a motion, though it had the time that it asked for."""
 
 
 def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float, dict[str, float]] | None:
@@ -46,9 +50,10 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
 
     Returns:
         The error of the objective, relative to it, and of each variable, relative to its range; None where the finer
-        grid has no solution close by, or where the spec does not say what the same motion on more frames is.
+        solve was not begun or took too long, or where the spec does not say what the same motion on more frames is.
 
     Raises:
+        NotFoundError: the finer grid has no solution close by.
         SpecError: the text that the solution carries is no spec.
     """
     allowed = max(SHARE_OF_TIME * solution.seconds.get("processor", 0.0), LEAST_TIME)
@@ -76,8 +81,10 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
             )
     except StcError:
         return None
-    if finer.status != "optimal" or finer.n != 2 * solution.n:
+    if finer.status == "interrupted" or finer.n != 2 * solution.n:
         return None
+    if finer.status != "optimal":
+        raise NotFoundError
     whole = 1.0 / (1.0 - 0.5 ** ORDER[solution.method])
     objective = abs(solution.objective - finer.objective) / max(abs(finer.objective), 1e-9)
     return whole * objective, {name: whole * error for name, error in apart(solution, finer, names).items()}

@@ -25,7 +25,7 @@ grid has, are not seen (docs/searches.md tells how often that happens).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.studies.difference_gaps import ends_of_sums, gaps_of, moved_rows, moved_terms
 from stc.studies.discretisation import States, local_errors, quadrature_errors
-from stc.studies.doubled import LEAST_RANGE, change_when_doubled, range_of
+from stc.studies.doubled import LEAST_RANGE, NotFoundError, change_when_doubled, range_of
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 
@@ -59,6 +59,10 @@ NO_GUESS = 0.1
 """Above this share: what was found is no motion that could be a guess."""
 CORNER, WIGGLE = 1.0 / 12.0, 0.2
 """Of a step times what a rate changes by where it turns somewhere in it: what the states are off by, on average."""
+_LOST = (
+    "a solve on twice the frames, from this motion, found none: the error of the grid may be larger than what is told. "
+    "Give n a larger value, or let `--refine 1e-3` add frames"
+)
 WHOLE = 1.0
 """An error of the whole range, or objective, says all that there is to say."""
 
@@ -71,11 +75,14 @@ class GridError:
         objective: of the objective, relative to it; 0 where there is none.
         motion: the largest error of a variable that equations of motion determine, relative to its range, 1 at most.
         variable: which one that is; "" where no variable has a derivative.
+        lost: whether a solve on twice the frames was made from the solution and ended without a motion.  Both figures
+            are then what the steps leave on this grid, which may be far less than the whole.
     """
 
     objective: float
     motion: float
     variable: str
+    lost: bool = False
 
     @property
     def largest(self) -> float:
@@ -98,7 +105,11 @@ class GridError:
 
     @property
     def warning(self) -> str:
-        """What to tell where the error is gross."""
+        """What to tell where the error is gross, or not known; "" where there is nothing to tell."""
+        if self.lost:
+            return _LOST
+        if not self.gross:
+            return ""
         what = []
         if not self.objective <= GROSS:
             what.append(f"the objective by about {_share(self.objective)}")
@@ -127,7 +138,10 @@ def grid_error(solution: Solution) -> GridError | None:
     if local is None:
         return None
     problem = problem_of_solution(solution)
-    change = change_when_doubled(solution, determined(problem, solution))
+    try:
+        change = change_when_doubled(solution, determined(problem, solution))
+    except NotFoundError:
+        return replace(local, lost=True)
     if change is None:
         return local
     objective, moved = change
