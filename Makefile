@@ -3,6 +3,7 @@
 #   make test    set up and run all tests
 #   make check   format, lint, types, import contracts, quick tests: what to run before a commit
 #   make docs    set up and build the site of docs/ in build/site
+#   make dist    build the wheel and the source distribution in dist/
 #   make bench   set up with the other tools, measure, and write the tables and plots of docs/benchmarks.md
 VENV ?= .venv
 SPEC ?= luxo_jump
@@ -10,12 +11,12 @@ BIN := $(VENV)/bin
 # The first Python on the path that is new enough.
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
-RECIPE := pyproject.toml setup.py build_backend/backend.py $(wildcard stc/core/*.c stc/core/*.h stc/core/compiling.py)
+RECIPE := pyproject.toml setup.py build_backend/backend.py $(wildcard stc/core/*.[ch] stc/core/*/*.[ch] stc/core/compiling.py)
 # A module's tests stay together: they share what it solves once.  A worker that dies is not replaced, since pytest-xdist
 # may wait for ever for one that is: what it had left to do is not run, and the run fails.
 PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile --max-worker-restart 0
 
-.PHONY: run test check nightly format bench docs gallery tree clean
+.PHONY: run test check nightly format bench docs gallery dist check-dist tree clean
 
 run: $(VENV)/.ready
 	$(BIN)/stc run $(SPEC) -o out/$(SPEC).npz --report out/$(SPEC).html
@@ -47,6 +48,16 @@ docs: $(VENV)/.ready-docs tree
 # Solves, judges and films every motion that ships; half an hour.
 gallery: $(VENV)/.ready
 	$(BIN)/python -m bench.gallery
+
+# The wheel is built from the source distribution, which therefore lacks nothing.
+dist: $(VENV)/bin/python
+	rm -rf dist
+	$(BIN)/python -m pip install --quiet build
+	$(BIN)/python -m build --outdir dist
+
+# Installs them in new environments, one for each Python from 3.11 on that is here; some minutes.
+check-dist: dist
+	$(BIN)/python build_backend/check_dist.py dist
 
 # The package as it is imported, stc.validate and all, made of links: for tools that read files and not modules.
 tree:

@@ -1,9 +1,7 @@
-"""Lists the packages (everything below stc/, validate/, models/ and specs/, under the one name ``stc``), compiles the
-numerical core, which is C, and the solver's own machine code, so that nobody has to wait for it at the first solve."""
+"""Lists the packages (everything below stc/, validate/, models/ and specs/, under the one name ``stc``), and compiles
+the numerical core, which is C."""
 
-import os
 import runpy
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,8 +12,8 @@ from setuptools.command.build_py import build_py
 FOLDERS = {"stc": "stc", "stc.validate": "validate", "stc.models": "models", "stc.specs": "specs"}
 
 
-class BuildWithMachineCode(build_py):
-    """Copies the package, and has it compile its own code beside it (in a checkout: in place)."""
+class BuildWithCore(build_py):
+    """Copies the package, and compiles its core beside it (in a checkout: in place)."""
 
     def run(self) -> None:
         super().run()
@@ -23,20 +21,13 @@ class BuildWithMachineCode(build_py):
         root = here if self.editable_mode else Path(self.build_lib)
         compiling = runpy.run_path(str(here / "stc/core/compiling.py"))
         try:
-            compiling["compile_library"](root.resolve() / "stc/core", here / "build/core")
+            compiling["compile_libraries"](root.resolve() / "stc/core", here / "build/core")
         except (RuntimeError, OSError) as error:
-            print(
-                f"the package goes without its numerical core, and solves bodies in space by slower means: {error}"
+            sys.exit(
+                f"{error}\nThe numerical core of this package is C, and could not be compiled. It needs a C compiler "
+                "(GCC 12, Clang 15 or later, found as cc or named by CC), or the package ziglang, which pip fetches by "
+                "itself where it may."
             )
-        paths = [str(root.resolve()), *filter(None, [os.environ.get("PYTHONPATH")])]
-        done = subprocess.run(
-            [sys.executable, "-B", "-m", "stc.compile_ahead", "stc/codegen/shipped_objects"],
-            cwd=root,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-            check=False,
-        )
-        if done.returncode:
-            print("the package goes without machine code of its own, and compiles it when it is first used")
 
 
 class WithCore(Distribution):
@@ -55,7 +46,7 @@ class PlatformWheel(bdist_wheel):
 
 setup(
     distclass=WithCore,
-    cmdclass={"build_py": BuildWithMachineCode, "bdist_wheel": PlatformWheel},
+    cmdclass={"build_py": BuildWithCore, "bdist_wheel": PlatformWheel},
     packages=[
         name
         for package, folder in FOLDERS.items()

@@ -20,9 +20,12 @@ import time  # noqa: E402
 time.perf_counter = time.process_time  # limits of time are of this process's own
 
 import argparse  # noqa: E402
+import hashlib  # noqa: E402
 import json  # noqa: E402
 import math  # noqa: E402
 import re  # noqa: E402
+import runpy  # noqa: E402
+import shutil  # noqa: E402
 import warnings  # noqa: E402
 from collections.abc import Iterator  # noqa: E402
 from dataclasses import dataclass, field, replace  # noqa: E402
@@ -212,29 +215,26 @@ def solved(case: Case, model: Any, limit: float) -> dict[str, Any]:
     return outcome
 
 
-#: A heuristic is switched off by a number that keeps it from acting: the module, its name there, and that number.
+#: A heuristic is switched off by a number that keeps it from acting: the module, its name there, and that number.  A
+#: module that ends in ``.c`` or ``.h`` is a file of ``stc/core/iteration``.
 PATCHES: dict[str, list[tuple[str, str, Any]]] = {
     "least_squares_start": [("starting", "least_squares_multipliers", lambda work: np.zeros(work.form.m))],
     "usual_curvature": [
-        ("inertia_correction", "SMALLEST_CURVATURE", 1.0),
-        ("inertia_correction", "LARGEST_CURVATURE", 1.0),
+        ("inertia_correction.c", "SMALLEST_CURVATURE", 1.0),
+        ("inertia_correction.c", "LARGEST_CURVATURE", 1.0),
     ],
-    "last_shift_next": [("inertia_correction", "SMALLER", 0.0)],
-    "sized_shift": [("step_kernels", "SIZED", 0)],
-    "convex_shift": [("step_kernels", "SHARE", 1e300)],
-    "lengthen": [("filter_line_search", "LONGER", 1.0)],
-    "crawl": [("barrier_update", "PATIENT", 1e9)],
+    "convex_shift": [("step.c", "SHARE", 1e300)],
+    "lengthen": [("line_search.c", "LONGER", 1.0)],
     "short_no_reduction": [("workspace", "SHORT", 0.0)],
     "damped": [("newton_system", "UNKNOWN", 0.0)],
-    "untried": [("inertia_correction", "MOST_UNTRIED", 0)],
-    "coarse_solves": [("inertia_correction", "FAR", 1e300)],
-    "stiffen": [("interior", "SHORTEST_FRACTION", 0.0), ("interior", "SHORTEST_IN_RESTORATION", 0.0)],
-    "short_steps": [("progress_kernels", "MOST_SHORT_STEPS", 10**9)],
-    "traub": [("projection_kernels", "CORRECTIONS", 0)],
-    "second_order_correction": [("filter_line_search", "MOST_CORRECTIONS", 0)],
+    "untried": [("inertia_correction.c", "MOST_UNTRIED", 0)],
+    "coarse_solves": [("inertia_correction.c", "SMALL_VIOLATION", 1e300)],
+    "stiffen": [("interior", "SHORT", 0.0)],
+    "short_steps": [("progress.c", "MOST_SHORT_STEPS", 10**9)],
+    "traub": [("projection.c", "CORRECTIONS", 0)],
+    "second_order_correction": [("line_search.c", "MOST_CORRECTIONS", 0)],
     "finish": [("active_set", "NEAR", 0.0)],
     "by_gaps": [("formulation", "MANY_GAPS", 10**9)],
-    "many_centres": [("restoration", "MOST_CENTRES", 1)],
     "rescale_at_solution": [("sqp", "RESCALINGS", 1)],
     **{
         f"strategy: {name}": [("sqp", "LEFT_OUT", frozenset({name}))]
@@ -250,14 +250,46 @@ PATCHES: dict[str, list[tuple[str, str, Any]]] = {
 
 
 def switch_off(names: set[str]) -> None:
-    """In a process of its own, before anything was compiled that may be different."""
+    """In a process of its own, before anything was compiled or loaded that may be different."""
     from importlib import import_module
 
+    in_core: list[tuple[str, str, Any]] = []
     for name in names:
         for module, attribute, value in PATCHES.get(name, []):
+            if module.endswith((".c", ".h")):
+                in_core.append((module, attribute, value))
+                continue
             found = import_module(f"stc.solver.{module}")
             assert hasattr(found, attribute), (module, attribute)
             setattr(found, attribute, value)
+    if in_core:
+        from stc.core import library
+
+        library.FOLDER = str(core_with(in_core))
+
+
+def core_with(numbers: list[tuple[str, str, Any]]) -> Path:
+    """The folder of a core compiled with other numbers; one that was made before serves again."""
+    from stc.core.compiling import digest_of_sources
+
+    key = hashlib.blake2b(f"{digest_of_sources()} {sorted(numbers)}".encode(), digest_size=8).hexdigest()
+    folder = RESULTS.parent / "cores" / key
+    core = folder / "core"
+    if (folder / "made").exists():
+        return core
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(ROOT / "stc" / "core", core, ignore=shutil.ignore_patterns("libcore_*", "__pycache__"))
+    for file, name, value in numbers:
+        path = core / "iteration" / file
+        pattern = rf"(?P<before>^#define {name} |^ +{name} = )[^\s,]+"
+        text, found = re.subn(pattern, rf"\g<before>{value!r}", path.read_text(), flags=re.MULTILINE)
+        if not found:  # it comes from a header, and is another one in this file alone
+            last = text.index("\n", text.rindex("#include")) + 1
+            text = f"{text[:last]}#undef {name}\n#define {name} {value!r}\n{text[last:]}"
+        path.write_text(text)
+    runpy.run_path(str(core / "compiling.py"))["compile_libraries"](core, folder / "scratch")
+    (folder / "made").touch()
+    return core
 
 
 def read(results: Path) -> dict[str, dict[str, dict[str, Any]]]:

@@ -40,10 +40,11 @@ WORDS = {
 
 HEAD = """# Against IPOPT
 
-Written by `python bench/compare_ipopt.py --write docs/ipopt.md`: statuses, objectives and iterations on the problems
-with known answers, for the same nonlinear programs, starting points and exact derivatives. Those of the classics of
-optimal control are the better one of what IPOPT and stc had found before. `(!)` marks an answer that is not the known
-one. Objectives of IPOPT below ours in late digits come from bounds and rows that it relaxes by 1e-8.
+`python bench/compare_ipopt.py --write docs/ipopt.md` writes this page. It compares statuses, objectives and iterations
+on problems with known answers. Both solvers get the same nonlinear programs, starting points and exact derivatives. The
+known answer of a classic of optimal control is the better of the results that IPOPT and stc had found before. `(!)`
+marks an answer that differs from the known one. IPOPT relaxes bounds and rows by 1e-8; its objectives can therefore be
+lower in the last digits.
 """
 
 
@@ -120,8 +121,8 @@ def table(rows: list[tuple[str, Ending, Ending]]) -> str:
         iterations = statistics.median([one.iterations for one in right]) if right else float("nan")
         false = sum(one.status == "optimal" and not one.right for one in endings)
         lines.append(
-            f"{who}: {len(right)} of {len(endings)} right, {iterations:g} iterations in the median of these, "
-            f"{false} called optimal elsewhere."
+            f"{who}: {len(right)} of {len(endings)} answers are right, with a median of {iterations:g} iterations; "
+            f"{false} wrong answers have the status optimal."
         )
     return "\n".join(lines)
 

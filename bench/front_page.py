@@ -33,7 +33,7 @@ MOTION, HEAVIER = "luxo_jump", 1.01
 
 @dataclass(frozen=True)
 class Tracked:
-    """A replay with feedback: errors (base as a share of its way, joints in rad), shares of the feedback in torques."""
+    """A replay with feedback: errors (base: share of its travel, joints: rad) and shares of the feedback in torques."""
 
     base: float
     joints: float
@@ -43,7 +43,7 @@ class Tracked:
 
 @dataclass(frozen=True)
 class Figures:
-    """What the table tells; errors of the base are shares of its way, of joints rad."""
+    """The figures of the table: errors of the base as shares of its travel, errors of joints in rad."""
 
     base: float
     joints: float
@@ -60,27 +60,27 @@ class Figures:
 def table(figures: Figures) -> str:
     """The figures as they stand in the page."""
     rows = [
-        ("open loop, RMS: base, of its way; joints", f"{_short(figures.base)}; {_short(figures.joints)} rad"),
+        ("open loop, RMS error: base; joints", f"{_short(figures.base)}; {_short(figures.joints)} rad"),
         (
-            "open loop, where it stands at the end: base, of its way; joints",
+            "open loop, error at the end: base; joints",
             f"{_short(figures.end_base)}; {_short(figures.end_joints)} rad",
         ),
         (
-            "tracked, RMS: base, of its way; joints; share of the feedback in the worst motor's torque (in all torque)",
+            "with feedback, RMS error: base; joints; feedback share in the torque of the worst motor (of all motors)",
             _line(figures.tracked),
         ),
-        (f"tracked, all masses {100 * (HEAVIER - 1):.0f} % wrong, the same", _line(figures.heavier)),
+        (f"the same with all masses {100 * (HEAVIER - 1):.0f} % wrong", _line(figures.heavier)),
         (
-            "its equations of motion against MuJoCo's; the solution's residual in them",
+            "difference between the spec's and MuJoCo's equations of motion; inverse-dynamics residual of the solution",
             f"{figures.equations:.0e}; {figures.residual:.0e}",
         ),
         (
-            "solved contact force, floor off, largest error of a joint; its order in the step",
+            "solved contact forces in place of the floor: largest error of a joint; order of that error in the step h",
             f"{_short(figures.external)} rad; {figures.order:.1f}",
         ),
     ]
     lines = [f"| {label} | {text} |" for label, text in rows]
-    return "\n".join(["| replay in MuJoCo, real contact | measured |", "| --- | --- |", *lines])
+    return "\n".join(["| replay with MuJoCo's contact | measured |", "| --- | --- |", *lines])
 
 
 def _short(value: float) -> str:

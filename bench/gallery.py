@@ -1,9 +1,9 @@
-"""Solve, judge and film every motion that ships, and write the gallery: docs/gallery.md with its films.
+"""Solve, validate and film every bundled motion, and write the gallery: docs/gallery.md with its films.
 
     python -m bench.gallery                       all of them; half an hour, since films are rendered in software
     python -m bench.gallery luxo_jump luxo_moon   some; the page keeps the others
 
-A film is the replay that the verdict goes by, made small: the page is read more often than it is made.
+A film shows the replay on which the verdict rests, at a small size.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ LARGEST = 200_000
 
 _HEAD = """# Gallery
 
-Every motion that ships, as MuJoCo replays it: the film is the replay that the verdict goes by, without feedback where
-small errors hardly grow. `stc run NAME` solves and judges one, `--report FILE.html` writes its page. `make gallery`
-makes this page.
+This page shows all bundled motions. The films show the replay in MuJoCo on which the verdict rests: without feedback if
+small errors hardly grow, otherwise with feedback. `stc run NAME` solves and validates a motion, and its option
+`--report FILE.html` writes its certificate. `make gallery` writes this page.
 """
 _SECTION = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 

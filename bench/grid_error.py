@@ -61,9 +61,8 @@ class Row:
 
     def line(self) -> str:
         told = self.estimate
-        verdict = (
-            "" if told.gross == (self.true > GROSS) else "not warned of" if not told.gross else "warned of"
-        )
+        warned = bool(told.warning)
+        verdict = "" if warned == (self.true > GROSS) else "warned of" if warned else "not warned of"
         figures = (told.objective, self.objective, told.motion, self.motion)
         cells = [self.name, self.method, str(self.n), *(f"{figure:.1e}" for figure in figures)]
         return f"| {' | '.join(cells)} | {'' if self.is_near else 'no'} | {verdict} |"
@@ -120,7 +119,10 @@ def main() -> None:
     warnings.simplefilter("ignore")
     files = [file for one in given.specs for file in (sorted(one.glob("*.stc")) if one.is_dir() else [one])]
     rows, others = [], []
-    print("| trajectory | method | n | objective: told | true | motion: told | true | within ten | |")
+    print(
+        "| trajectory | method | n | objective: estimated | true | motion: estimated | true "
+        "| within a factor of ten | |"
+    )
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for file in files:
         found = measured(file, given.saved)
@@ -133,8 +135,8 @@ def main() -> None:
     gross = [row for row in rows if row.true > GROSS]
     fine = [row for row in rows if row.true <= GROSS]
     print(f"within a factor of ten: {sum(row.is_near for row in rows)} of {len(rows)}")
-    print(f"gross and not warned of: {sum(not row.estimate.gross for row in gross)} of {len(gross)}")
-    print(f"fine and warned of: {sum(row.estimate.gross for row in fine)} of {len(fine)}")
+    print(f"gross and not warned of: {sum(not row.estimate.warning for row in gross)} of {len(gross)}")
+    print(f"fine and warned of: {sum(bool(row.estimate.warning) for row in fine)} of {len(fine)}")
     for other in others:
         print(f"left out: {other}")
 

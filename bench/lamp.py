@@ -27,7 +27,7 @@ from evaluator import clock_cycle, repeats_for, timed
 
 import stc
 from stc.arrays import aligned_zeros
-from stc.codegen.calls import chain
+from stc.core.calls import chain
 from stc.transcription import Transcription
 from stc.transcription.assemble import data_of
 from stc.transcription.bind import BoundProgram

@@ -157,35 +157,36 @@ def tables(names: Sequence[str]) -> str:
         ],
         [f"Tracked, all masses and inertias {HEAVIER - 1:+.0%}:"],
         [
-            "| motion | base | joints | share of the feedback, worst motor | in all torque |",
+            "| motion | base | joints | share of the feedback, worst motor | share of the feedback, all motors |",
             "| --- | --- | --- | --- | --- |",
             *[heavy for _, heavy in lines],
         ],
-        ["With a fixed base, or none:"],
+        ["Motions without a moving base on the ground:"],
         [
             "| motion | frames | iterations | s | open-loop drift | tracked drift "
             "| share of the feedback, worst motor | residual |",
             "|" + " --- |" * 8,
             *[in_the_air(name) for name in names if name in OTHERS],
         ],
-        ["Of models, base as a share of its way and the worst joint, RMS on the ground, largest without it:"],
+        [
+            "Motions of models: base as a share of its travel, and the worst joint; RMS errors for motions on the "
+            "ground, largest errors for others:"
+        ],
         [
             "| motion | frames | unknowns | iterations | growth of errors | tracked: base | joints "
             "| share of the feedback, worst motor | energy balance | verdict |",
             "|" + " --- |" * 10,
             *[of_model(stc.load(name).solve()) for name in names if name in ROBOTS],
         ],
-        ["Arithmetic operations of the derivatives over the whole motion (`stc show SPEC --stage ops`):"],
+        ["Arithmetic operations for the derivatives over the whole motion (`stc show SPEC --stage ops`):"],
         [
             "| motion | Jacobian: naive trees | simplified and shared | Hessian: naive trees "
-            "| simplified and shared | left at most |",
+            "| simplified and shared | remaining, at most |",
             "|" + " --- |" * 6,
             *[operations(name) for name in names if name not in ROBOTS],
         ],
     ]
-    busy = (
-        f"Seconds are of the solve alone, on {os.cpu_count()} cores under a load of {os.getloadavg()[0]:.1f}."
-    )
+    busy = f"Times are those of the solve alone, on {os.cpu_count()} cores under a load of {os.getloadavg()[0]:.1f}."
     return "\n\n".join([*("\n".join(part) for part in parts), busy])
 
 

@@ -148,10 +148,11 @@ def main() -> None:
             flush=True,
         )
     print(
-        f"\n{args.spec} on all its frames; the least of {SOLVES} solves or more ({FEW_SOLVES} from {MANY:,} on), "
-        "processor time of one thread, but *with two threads* on the clock, as solves are by default. *By way of "
-        "fewer frames* is how a solve goes by default, on one thread here. *Set up* is from text to nonlinear program "
-        "without compiling; *evaluate* is functions and all derivatives once; *memory* is the solve's own. "
+        f"\n{args.spec}, solved on all its frames. Times are the minimum of at least {SOLVES} solves ({FEW_SOLVES} "
+        f"from {MANY:,} frames on), in processor time of one thread; *with two threads*, the default, in wall time. "
+        "*By way of fewer frames* is the default solve, here on one thread. *Set up* is the time from the text to the "
+        "nonlinear program, without compiling. *Evaluate* is one evaluation of the functions and all derivatives. "
+        "*Memory* is that of the solve. "
         f"{exponent(rows)}"
     )
     if args.plot:

@@ -278,14 +278,14 @@ def line(case: Case, rounds: Sequence[Round]) -> str:
 
 
 def summary(verdicts: Sequence[str]) -> str:
-    """What the table amounts to."""
+    """The text below the table."""
     counts = [f"{verdicts.count(name)} {name}" for name in ("faster", "level", "slower")]
     return (
-        "Times are medians over the rounds, *two over one* is their ratio; the quartiles are those of the rounds' own "
-        "ratios, and then comes the ratio of the least times. Two threads are slower where three rounds in four took "
-        f"more than {1 + MARGIN:g} times as long and the least time is as much longer, faster where three in four took "
-        f"less than {1 - MARGIN:g} times as long and the least time is as much shorter, else level. Results of solves "
-        "and evaluations are the same bits.\n\n"
+        "Times are medians over the rounds, *two over one* is their ratio. The quartiles are those of the ratios of "
+        "the rounds; the last figure is the ratio of the shortest times. Two threads are *slower* if three rounds in "
+        f"four, and the shortest time, took more than {1 + MARGIN:g} times as long, *faster* if three rounds in "
+        f"four, and the shortest time, took less than {1 - MARGIN:g} times as long, otherwise *level*. Solves and "
+        "evaluations give the same bits.\n\n"
         f"Of {len(verdicts)} cases, two threads are {', '.join(counts)}."
     )
 

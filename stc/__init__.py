@@ -1,15 +1,15 @@
-"""Spacetime constraints: state a motion as constraints and an objective, solve it, and have MuJoCo judge it.
+"""Spacetime constraints: state a motion as constraints and an objective, solve it, and validate it in MuJoCo.
 
     import stc
 
     problem = stc.load("particle_waypoints")
     solution = problem.solve(n=120, method="hermite-simpson")
     solution.time, solution["x"], solution["x'"]     # values at the frames 0..n
-    solution.at(0.25)["x"]                            # between them, by the transcription's own polynomial
+    solution.at(0.25)["x"]                            # between the frames, by the method's polynomials
     solution.save("a.npz")
     stc.read("a.npz")
 
-Names are imported when they are first used: ``import stc`` alone costs next to nothing.
+Names are imported when they are first used, so that ``import stc`` is fast.
 """
 
 from __future__ import annotations

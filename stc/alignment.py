@@ -1,4 +1,4 @@
-"""Which frames of one motion are which of another one of the same spec, whose phases have other numbers of frames.
+"""The correspondence of frames between two motions of the same spec whose phases have different numbers of frames.
 
 Frames that the spec names (see :func:`stc.phases.named_cuts`) are paired; between them frames keep their share.
 """
@@ -18,21 +18,22 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """Frames of two motions that are each other's: ``old`` and ``new``, (k,) each and rising, with both ends."""
+    """Corresponding frames of two motions: ``old`` and ``new``, (k,) each and increasing, including both ends."""
 
     old: FloatArray
     new: FloatArray
 
     @classmethod
     def even(cls, old: int, new: int) -> Alignment:
-        """Every frame keeps its share of the whole motion."""
+        """An alignment in which every frame keeps its share of the whole motion."""
         return cls(np.array([0.0, old]), np.array([0.0, max(new, 1)]))
 
     @classmethod
     def of(cls, old: Sequence[int], new: Sequence[int]) -> Alignment:
-        """From the frames that both motions name, in the same order; the last entry of each is its last frame.
+        """An alignment from the frames that both motions name, in the same order; the last entry of each is its last
+        frame.
 
-        Frames that cannot be paired are left out; what is between the others keeps its share.
+        Frames that cannot be paired are left out; frames between pairs keep their share.
         """
         last, end = old[-1], new[-1]
         if len(old) != len(new):
@@ -48,13 +49,13 @@ class Alignment:
 
     @property
     def is_identity(self) -> bool:
-        """Whether every frame keeps its number."""
+        """Whether every frame keeps its index."""
         return np.array_equal(self.old, self.new)
 
     def to_new(self, frames: ArrayLike) -> FloatArray:
-        """Where frames of the old motion are in the new one, fractions allowed."""
+        """The indices in the new motion, possibly fractional, of frames of the old one."""
         return np.asarray(np.interp(np.asarray(frames, float), self.old, self.new))
 
     def to_old(self, frames: ArrayLike) -> FloatArray:
-        """Where frames of the new motion were in the old one, fractions allowed."""
+        """The indices in the old motion, possibly fractional, of frames of the new one."""
         return np.asarray(np.interp(np.asarray(frames, float), self.new, self.old))

@@ -1,4 +1,4 @@
-"""Arguments of functions that users call: what is given is what it should be, or a message says which is not."""
+"""Checks of the arguments of public functions; an invalid argument raises an error with a clear message."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ __all__ = ["number", "numbers", "path", "same_file", "spare", "whole"]
 
 
 def number(value: object, name: str) -> float:
-    """A number, of whatever kind.
+    """An argument that must be a number.
 
     Args:
-        name: what the message calls the argument.
+        name: name of the argument in the message.
 
     Raises:
-        UsageError: it is none; text is none either.
+        UsageError: it is not a number (text is not accepted either).
     """
     try:
         if not isinstance(value, str | bytes):
@@ -32,7 +32,7 @@ def whole(value: object, name: str) -> int:
     """As :func:`number`, for counts.
 
     Raises:
-        UsageError: it is no whole number.
+        UsageError: it is not a whole number.
     """
     found = number(value, name)
     if not found.is_integer():
@@ -41,7 +41,7 @@ def whole(value: object, name: str) -> int:
 
 
 def path(value: object, name: str) -> str:
-    """The path of a file.
+    """An argument that must be the path of a file.
 
     Raises:
         UsageError: it is none.
@@ -52,7 +52,7 @@ def path(value: object, name: str) -> str:
 
 
 def same_file(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
-    """Whether two paths lead to one file that is there, through links and other spellings as well."""
+    """Whether two paths name the same existing file, also through links and different spellings."""
     try:
         return Path(one).samefile(other)
     except OSError:
@@ -62,12 +62,12 @@ def same_file(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> boo
 def spare(
     target: str | os.PathLike[str], inputs: Iterable[tuple[str | os.PathLike[str], str]], option: str = ""
 ) -> None:
-    """Refuse to write over what is read.
+    """Refuse to overwrite an input file.
 
     Args:
-        target: the file that is to be written.
-        inputs: files that must stay, each with what it is, such as ``the solution``.
-        option: by which the target was named.
+        target: the file to write.
+        inputs: input files, each with its description, such as ``the solution``.
+        option: the option that named the target.
 
     Raises:
         UsageError: the target is one of them.
@@ -76,16 +76,16 @@ def spare(
         if same_file(target, known):
             prefix = f"{option} " if option else ""
             raise UsageError(
-                f"{prefix}{os.fspath(target)}: that is {what}, which would be lost",
-                "give the file another name",
+                f"{prefix}{os.fspath(target)}: this would overwrite {what}",
+                "choose another file name",
             )
 
 
 def numbers(given: Mapping[str, object]) -> dict[str, float]:
-    """The values of constants from outside.
+    """The values of constants that the caller gives.
 
     Raises:
-        UsageError: one that is no number.
+        UsageError: one that is not a number.
     """
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
         raise UsageError(f"constants are numbers by name, not {given!r}")

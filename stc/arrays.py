@@ -1,4 +1,4 @@
-"""Small things about arrays: some that NumPy does at the price of importing a large part of itself."""
+"""Small functions for arrays; some replace NumPy functions whose import is slow."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ def distinct(values: NDArray) -> NDArray:
 
 
 def ranks(values: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """Which of the different values in ascending order each one is, and how many different ones there are.
+    """For each entry, the rank of its value among the distinct values in ascending order; and the number of distinct
+    values.
 
-    As ``numpy.unique`` tells, but without sorting where they are not far apart.
+    This is the inverse of ``numpy.unique``, without sorting if the values are close together.
     """
     if values.size == 0:
         return np.zeros(0, dtype=np.int64), 0
@@ -34,21 +35,21 @@ def ranks(values: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
 
 
 def stretches_of(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """The stretches of a mask (n,) on which it is True, in order: the first place of each and one past its last."""
+    """The intervals of a mask (n,) on which it is True, in order: the first index of each and one past its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def scattered(count: int) -> NDArray[np.float64]:
-    """Numbers (count,) between -1 and 1 that have nothing to do with each other, nor have their differences.
+    """Numbers (count,) between -1 and 1 that look random.
 
-    What chance would do without ``numpy.random``, which takes 5 ms to import.
+    They replace ``numpy.random``, which takes 5 ms to import.
     """
     return np.modf(1e4 * np.sin(np.arange(1, count + 1)))[0]
 
 
 def aligned_zeros(shape: int | tuple[int, ...]) -> NDArray[np.float64]:
-    """Zeros that start on a cache line: vector stores to them never straddle two."""
+    """Zeros that start on a cache line, so that vector stores never straddle two lines."""
     count = int(np.prod(shape))
     raw = np.zeros(count + 8)
     skip = (-raw.ctypes.data % 64) // 8

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place, then moved to it."""
+"""Files that are written completely or not at all: written under another name, then renamed."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _TEMPORARY = re.compile(r"\..*\.(\d+)-([0-9a-f]{8})\.tmp(?:\.[^.]*)?", re.DOTALL
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A path to write to, beside ``path`` and with its suffix; what is there in the end becomes the file ``path``.
+    """A context that yields a temporary path beside ``path``, with the same suffix; at its end the temporary file
+    becomes ``path``.
 
-    A reader sees the old file or the new one, never a part. When the block is left by an exception, Ctrl-C among
-    them, the old file stays as it was, and where there was none there is none. What a process that was killed had
-    left behind in the folder is removed.
+    A reader sees the old or the new file, never a partial one.  If the block raises an exception, including Ctrl-C,
+    the old file, or its absence, is unchanged.  Temporary files that killed processes left in the folder are removed.
 
     Raises:
-        OSError: the file cannot be written; its ``filename`` is the one that was asked for.
+        OSError: the file cannot be written; its ``filename`` is ``path``.
     """
     target = Path(path)
     temporary = target.with_name(f".{target.stem}.{os.getpid()}-{_where()}.tmp{target.suffix}")
@@ -55,7 +55,7 @@ def is_writing() -> bool:
 
 
 def give_up() -> None:
-    """Remove the files that are not whole yet, for a process that ends while others of its threads write them."""
+    """Remove the temporary files of this process, when it ends while other threads are writing them."""
     for temporary in tuple(_unfinished):
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -63,7 +63,7 @@ def give_up() -> None:
 
 @cache
 def _where() -> str:
-    """Eight digits that tell the machine, and the container in it, whose processes can be seen from here."""
+    """Eight hexadecimal digits that identify the machine, or the container, whose processes are visible."""
     seen = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
     with suppress(OSError):
         seen += f" {Path('/proc/self/ns/pid').stat().st_ino}"
@@ -71,7 +71,7 @@ def _where() -> str:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove the temporary files in a folder whose process, one of this machine, is no more."""
+    """Remove the temporary files in a folder whose process on this machine no longer exists."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             named = _TEMPORARY.fullmatch(entry.name) if entry.name.startswith(".") else None
@@ -81,7 +81,7 @@ def _sweep(folder: Path) -> None:
 
 
 def _runs(process: int) -> bool:
-    """Whether there is a process of this number; True where that cannot be told."""
+    """Whether a process with this id exists; True if that is not known."""
     if os.name == "nt":  # where asking would end it
         return True
     try:

@@ -1,8 +1,8 @@
 """A spec's statements between the frames of its solution.
 
-A transcription imposes statements at its nodes.  Between them the motion is what the method's polynomials make
-of it, and there an inequality may be broken and an equation hold only approximately.  Here every statement on a
-stretch of frames is evaluated in between, for the validation to judge.
+A transcription imposes statements at its nodes.  Between them the motion follows the method's polynomials, so that an
+inequality may be violated and an equation hold only approximately.  This module evaluates every statement on a range of
+frames between the nodes, for the validation.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ def check_statements(problem: Problem, solution: Solution) -> list[StatementChec
     """The worst violation of each statement between the nodes.
 
     Statements on single frames or on frames alone, statements that read other frames or one side of a jump, and those
-    with a derivative that the solution does not know are left out, as are statements without a value anywhere.
+    with a derivative that the solution does not contain are left out, as are statements that are undefined everywhere.
 
     Args:
-        problem: the spec with the numbers of the solution.
-        solution: of this problem.
+        problem: the problem with the constants of the solution.
+        solution: a solution of this problem.
     """
     found: dict[int, StatementCheck] = {}
     for first, last in stretches(problem, problem.relations):
@@ -58,11 +58,11 @@ def check_statements(problem: Problem, solution: Solution) -> list[StatementChec
 
 
 class _Parts:
-    """A statement as it reads on a stretch: its body, its bounds and the summands that give its size.
+    """A statement on an interval of frames: its body, its bounds and the summands that determine its scale.
 
     Attributes:
-        of_state: whether it limits what cannot leap, positions for example.
-        of_squares: whether it limits a sum of squares, such as of a distance.
+        of_state: whether it limits a quantity that cannot jump, such as a position.
+        of_squares: whether it limits a sum of squares, such as a squared distance.
     """
 
     def __init__(self, body: Expr, lower: Expr | None, upper: Expr | None, of_state: bool) -> None:
@@ -79,7 +79,7 @@ def _is_square(term: Expr) -> bool:
 
 
 def _parts(problem: Problem, relation: Relation, solution: Solution, first: int) -> _Parts | None:
-    """A statement ready to be evaluated after frame ``first``, or None where that cannot be done."""
+    """A statement prepared for evaluation after frame ``first``, or None if that is not possible."""
     bounds = (relation.between or relation.body, relation.lower, relation.upper)
     keys = [k for e in bounds if e is not None for k in symbols(e)]
     if any(getattr(key, "side", "") or getattr(key, "name", "") in problem.at_nodes for key in keys):
@@ -100,7 +100,7 @@ def _parts(problem: Problem, relation: Relation, solution: Solution, first: int)
 
 
 def _summands(body: Expr) -> list[Expr]:
-    """What a sum adds up, signs aside; nested sums opened."""
+    """The summands of a sum without their signs; nested sums are expanded."""
     stack, found = [body], []
     while stack:
         node = stack.pop()
@@ -114,7 +114,7 @@ def _summands(body: Expr) -> list[Expr]:
 def _values(
     problem: Problem, solution: Solution, steps: NDArray[np.int_]
 ) -> dict[object, FloatArray | float]:
-    """What every symbol is worth at the places between the nodes of some steps."""
+    """The value of every symbol at points between the nodes of some steps."""
     index = (steps[:, None] + np.array(BETWEEN_SHARES)).reshape(-1)
     motion = solution.at_frame(index)
     found: dict[object, FloatArray | float] = {ConstantRef(k): v for k, v in solution.constants.items()}
@@ -131,7 +131,7 @@ def _values(
 def _evaluated(
     problem: Problem, parts: list[tuple[int, _Parts]], values: Mapping[object, FloatArray | float]
 ) -> Iterator[tuple[int, StatementCheck]]:
-    """The worst place of each statement among some places."""
+    """The point with the worst violation of each statement."""
     time = np.asarray(values[TimeRef()])
     roots = [root for _, part in parts for root in part.all]
     numbers = [np.broadcast_to(np.asarray(v, float), time.shape) for v in evaluate_all(roots, values)]

@@ -1,4 +1,4 @@
-"""How a user's name for a spec finds its file, a path or one of the specs that ship with stc, and what names none."""
+"""Find the file of a spec from a name given by the user: a path, or the name of a bundled spec."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ SOLUTION_SUFFIXES = (".npz", ".csv")
 
 
 def is_solution(name: str | os.PathLike[str]) -> bool:
-    """Whether a file's name says that it holds a solution (and not a spec)."""
+    """Whether a file name is that of a solution (and not of a spec)."""
     return Path(name).suffix.lower() in SOLUTION_SUFFIXES
 
 
 def find_spec(name: str | os.PathLike[str]) -> Path:
-    """The file that a user means: an existing path (``.stc`` may be left out), else a bundled spec's name.
+    """The file of a spec: an existing path (``.stc`` may be left out), else a bundled spec's name.
 
     Raises:
-        UsageError: neither exists; the hint offers the nearest file or bundled name.
+        UsageError: neither exists; the hint suggests the closest file or bundled name.
     """
     if not str(name).strip():
         raise UsageError("the spec is empty: no path, no name, no text", "`stc list` names the bundled specs")
@@ -46,7 +46,7 @@ def find_spec(name: str | os.PathLike[str]) -> Path:
 
 
 def with_text(source: Source) -> Source:
-    """A source, if it holds anything but blanks.
+    """The source, if it contains anything but blanks.
 
     Raises:
         UsageError: it does not.
@@ -58,7 +58,7 @@ def with_text(source: Source) -> Source:
 
 
 def _nearest(path: Path, plain: bool) -> str | None:
-    """The file beside ``path``, or for a plain name the bundled spec, that it most probably misspells."""
+    """The file beside ``path``, or for a plain name the bundled spec, with the most similar name."""
     from difflib import get_close_matches
 
     beside = [file.stem for file in path.parent.glob("*" + SUFFIX)] if path.parent.is_dir() else []

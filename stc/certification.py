@@ -1,7 +1,7 @@
-"""From a motion to its certificate: validation, the spec's statements between frames, its equations of motion.
+"""From a motion to its certificate: validation, statements between the frames, and equations of motion.
 
-The validation alone reads numbers.  Here the spec that made them is at hand as well, so that a motion which fails
-can be told apart: by the term of the equations of motion that differs from the model's.
+:func:`stc.validate.validate` knows only the numbers of a solution.  This module also has the spec, and can therefore
+name the term of the equations of motion that differs from the model's when a motion fails.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from stc.validate.metrics import Metric
 
 SAFETY = 0.5
-"""The frames that are advised are to bring an error to this share of its limit."""
+"""The advised number of frames is chosen so that the error falls to this share of its limit."""
 
 
 def certify(
@@ -35,22 +35,39 @@ def certify(
     equations: bool | None = None,
     further: Sequence[Metric] = (),
 ) -> Certificate:
-    """Validate a motion and keep everything that its certificate shows.
+    """Validate a motion and return its certificate.
 
-    Args:
-        motion: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
-        model: another model file than the one that the spec names.
-        force: judge a solution that is not optimal as well.
-        equations: whether to compare the spec's equations of motion with the model's; None compares them where
-            the motion fails and the solved forces do not give its accelerations, to name the joint and the term.
-        further: other measurements to show, such as the observed order of convergence.
+    Parameters
+    ----------
+    motion : Solution | str | os.PathLike[str]
+        A solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
+    model : str | os.PathLike[str] | None
+        A model file to use in place of the one that the spec names.
+    force : bool
+        Whether to judge a solution that is not optimal.
+    equations : bool | None
+        Whether to compare the spec's equations of motion with the model's; None compares them if
+        the motion fails and the solved forces do not give its accelerations, to name the joint and the term.
+    further : Sequence[Metric]
+        Additional measurements for the certificate, such as the observed order of convergence.
 
-    Raises:
-        NotOptimalError: the solution's status is not ``optimal`` and ``force`` is not given.
-        ModelError: there is no model, or a replay line does not fit it.
-        UsageError: a solution file that cannot be used.
-        SolutionError: the solution file is damaged, or time does not increase along the solution.
-        SpecError, EvaluationError: mistakes in a spec.
+    Returns
+    -------
+    Certificate
+        The certificate, with its verdict, measurements and advice.
+
+    Raises
+    ------
+    NotOptimalError
+        The solution's status is not ``optimal`` and ``force`` is not given.
+    ModelError
+        There is no model, or a replay line does not fit it.
+    UsageError
+        A solution file that cannot be used.
+    SolutionError
+        The solution file is damaged, or time does not increase along the solution.
+    SpecError, EvaluationError
+        Mistakes in a spec.
     """
     from stc.origin import statements_between
     from stc.validate.certificate import certify as validated
@@ -71,7 +88,7 @@ def certify(
 
 
 def _written_out(solution: Solution) -> Source | None:
-    """A spec's text with its repetitions written out; None where it cannot be read any more."""
+    """The text of a spec with its repetitions written out; None if it cannot be parsed."""
     from stc.restated import problem_of
 
     try:
@@ -81,13 +98,13 @@ def _written_out(solution: Solution) -> Source | None:
 
 
 def _obeys(certificate: Certificate) -> bool:
-    """Whether a motion is known to obey the model's equations of motion, so that nothing is to be blamed on them."""
+    """Whether the motion satisfies the model's equations of motion, so that they are not the cause of a failure."""
     verdicts = {m.verdict for m in certificate.metrics if m.name == "inverse-dynamics residual"}
     return verdicts == {"pass"}
 
 
 def motion_of(motion: Solution | str | os.PathLike[str]) -> Solution | str | os.PathLike[str]:
-    """What is to be validated: a solution or its file as it is, and what solving it gives for a spec.
+    """The solution to validate: a given solution or file, or the result of solving a spec.
 
     Args:
         motion: a solution, the path of a saved one, or a spec: a path, a bundled name, the text itself.
@@ -103,7 +120,7 @@ def motion_of(motion: Solution | str | os.PathLike[str]) -> Solution | str | os.
 
 
 def _equations(solution: Solution, model: Path) -> tuple[EquationReport | None, str]:
-    """The spec's equations against the model's, or None and why they are not compared."""
+    """The comparison of the spec's equations with the model's; or None and the reason why they are not compared."""
     from stc.studies.along import equations_along
 
     try:
@@ -121,12 +138,10 @@ def _equations(solution: Solution, model: Path) -> tuple[EquationReport | None, 
 
 
 def _more_frames(solution: Solution, metrics: Sequence[Metric]) -> str:
-    """How to get more frames, in words: the options that give enough, and the search that takes what it needs.
+    """Advice on how to get more frames: the options for a sufficient number, and the search that finds it.
 
-    Enough are as many times as many as bring what the grid leaves below its limits, by the method's order.
-
-    Where n follows from other constants (``n = 60*k``) these are what is given. A spec that cannot be refined as it is
-    written has the reason instead.
+    The number is estimated from the method's order.  If ``n`` follows from other constants (``n = 60*k``), the advice
+    names these.  If the spec cannot be refined as it is written, the advice is the reason.
     """
     from stc.origin import model_of
     from stc.studies.frames import Spread
@@ -144,9 +159,9 @@ def _more_frames(solution: Solution, metrics: Sequence[Metric]) -> str:
 
 
 def _times(method: str, metrics: Sequence[Metric]) -> int:
-    """So many times as many frames are likely to bring below its limit whatever more frames cure: 2 at least.
+    """The factor, at least 2, by which the frames must be multiplied to bring the measurements below their limits.
 
-    What an equation of motion is missed by within a step falls as the acceleration does, by half the order.
+    The residual of an equation of motion within a step decreases like the acceleration's error, with half the order.
     """
     from stc.studies.frames import MOST_AT_ONCE, ORDER
     from stc.validate.certificate.advice import cured_by_frames
@@ -160,7 +175,7 @@ def _times(method: str, metrics: Sequence[Metric]) -> int:
 
 
 def _until_verified(solution: Solution, model: Model) -> str:
-    """The command that solves a motion's spec until it is verified, or the function where the spec is no file."""
+    """The command that solves a spec until it is verified, or the function call if the spec is not a file."""
     from shlex import quote
 
     from stc.validate.limits import OPEN_LOOP_DRIFT
@@ -176,7 +191,7 @@ def _until_verified(solution: Solution, model: Model) -> str:
 
 
 def _spec_name(solution: Solution) -> str:
-    """What the command line calls a motion's spec: a bundled name or a path, short where it can be; "" for text."""
+    """The name of a spec on the command line: a bundled name or a short path; "" for a spec given as text."""
     from pathlib import Path
 
     from stc.bundled import SUFFIX, find_spec

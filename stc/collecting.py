@@ -1,4 +1,4 @@
-"""From the solver's result to a solution that a stranger can use."""
+"""From the solver's result to a complete solution."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def collect(
     seconds: Mapping[str, float],
     optimizer: str = DEFAULT,
 ) -> Solution:
-    """The solution that a stranger can use: node values, multipliers and replay channels by name."""
+    """The solution with all names: node values, multipliers and replay channels."""
     source = transcription.problem.source
     return Solution(
         **motion_at(transcription, result.x, constants),
@@ -60,7 +60,7 @@ def collect(
 
 
 def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> dict[str, Any]:
-    """What of a :class:`Solution` follows from a decision vector, (N,): its attributes by name."""
+    """The attributes of a :class:`Solution` that follow from a decision vector, (N,), by name."""
     problem = stated.problem
     recovery = stated.recovery(x, constants)
     return {
@@ -73,6 +73,7 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
         "parameters": recovery.parameters,
         "x": x,
         "model": problem.model,
+        "additions": problem.additions,
         "replay": _replay_channels(problem, recovery),
         **_data_of(problem, recovery),
         "force_frames": _force_frames(stated),
@@ -80,7 +81,7 @@ def motion_at(stated: Stated, x: FloatArray, constants: Mapping[str, float]) -> 
 
 
 def _data_of(problem: Problem, recovery: Recovery) -> dict[str, Any]:
-    """The files of a spec's data, and what tables are used for outside of their numbers."""
+    """The files of a spec's data, and notes on tables that are used outside of their numbers."""
     if not problem.data:
         return {}
     from stc.data_sets import files_of
@@ -111,7 +112,7 @@ def _replay_channels(problem: Problem, recovery: Recovery) -> list[ReplayChannel
 
 
 def _force_frames(stated: Stated) -> tuple[int, int]:
-    """The frames at which the equations of motion hold: all but those that central differences cut off."""
+    """The frames at which the equations of motion hold: all except those that central differences do not reach."""
     if stated.problem.method != "central":
         return 0, stated.problem.n
     found: tuple[int, int] = stated.remembered("frames of motion", _frames_of_motion)
@@ -121,11 +122,11 @@ def _force_frames(stated: Stated) -> tuple[int, int]:
 def _frames_of_motion(stated: Stated) -> tuple[int, int]:
     """The first and the last frame at which the equations of motion hold.
 
-    Central differences do not reach the ends.  Equations of motion are the equalities on several frames that
+    Central differences do not reach the ends.  An equality on several frames is an equation of motion if it
 
-    - hold a coordinate's second derivative, and no higher one of a coordinate, or come from a Lagrangian; or
-    - name a force at their own frame alone, so that nothing else tells its value where they are left out; or
-    - where no force is named, hold a coordinate at neighbouring frames.
+    - contains a coordinate's second derivative, and no higher one of a coordinate, or comes from a Lagrangian; or
+    - contains a force at its own frame alone, so that only this equality determines the force; or
+    - contains a coordinate at neighbouring frames, if no equality contains a force.
 
     Coordinates are what the joint lines of the replay are made of; forces are what its actuators and outer forces
     are made of, and what laws that hold on all frames tie to these.  A force line that is made of accelerations
@@ -157,14 +158,14 @@ def _frames_of_motion(stated: Stated) -> tuple[int, int]:
 
 
 def _names(stated: Stated, bodies: list[Expr]) -> set[str]:
-    """The variables that expressions are made of, definitions taken apart."""
+    """The variables in expressions, with definitions expanded."""
     whole = FrameRange(0, stated.problem.n)
     return set[str]().union(*(_Stretch.of(stated, body, whole).names for body in bodies))
 
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """What an expression reads, and the frames ``first..last`` at which that lies within the motion.
+    """The names that an expression reads, and the frames ``first..last`` at which they are within the motion.
 
     With another definition at each end of ``range`` each end is its own.
     """
@@ -199,7 +200,7 @@ class _Stretch:
         return {key.name for key in self.keys}
 
     def tells_motion(self, coordinates: set[str], forces: set[str]) -> bool:
-        """Whether an equality is an equation of motion, see :func:`_frames_of_motion`."""
+        """Whether an equality is an equation of motion; see :func:`_frames_of_motion`."""
         of_coordinates = [key for key in self.keys if key.name in coordinates]
         if max((key.order for key in of_coordinates), default=0) == 2:
             return True

@@ -34,7 +34,7 @@ TIME = "time"
 
 
 class DataError(StcError):
-    """A file or a table of numbers that is not as it should be; ``hint`` says what to do."""
+    """An invalid file or table of numbers; ``hint`` says how to correct it."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -49,13 +49,13 @@ class DataSet:
     """Columns of numbers with names.
 
     Attributes:
-        name: what the spec calls it.
+        name: its name in the spec.
         columns: each (k,), in the order of the file, NaN where a cell is empty; arrays of an ``.npz`` may have other
             lengths than each other, or two dimensions.
-        where: what it is called in messages: its file, or "" for numbers of the spec.
-        lines: (k,) the line of the file that each row stands on; empty where there are none.
-        file: what it was read from, with its content; None for numbers of the spec.
-        structural: the constants that numbers of the spec were worked out from.
+        where: its name in messages: its file, or "" for numbers in the spec.
+        lines: (k,) the line number of each row in the file; empty if there is no file.
+        file: the file with its content; None for numbers in the spec.
+        structural: the constants from which numbers in the spec were computed.
     """
 
     name: str
@@ -67,16 +67,16 @@ class DataSet:
 
     @property
     def rows(self) -> int:
-        """How many numbers the longest column has."""
+        """The number of entries in the longest column."""
         return max((len(column) for column in self.columns.values()), default=0)
 
     @property
     def time(self) -> FloatArray | None:
-        """When each row was measured, in seconds; None where nothing says so."""
+        """The time of each row, in seconds; None without a time column."""
         return self.columns.get(TIME)
 
     def place(self, row: int) -> str:
-        """What a row, counted from 0, is called in messages: by the line of its file where it has one."""
+        """The name of a row, counted from 0, in messages: its line in the file, if there is one."""
         if self.lines:
             return f"line {self.lines[row]} of `{self.where}`"
         return f"row {row + 1} of `{self.where or self.name}`"
@@ -86,16 +86,16 @@ def read_file(name: str, path: str, content: bytes) -> DataSet:
     """The columns of a file.
 
     Args:
-        name: what the spec calls them.
-        path: of the file, as the spec writes it, with one of :data:`SUFFIXES`, which tells the format.
-        content: all of it.
+        name: their name in the spec.
+        path: path of the file in the spec, with one of :data:`SUFFIXES`.
+        content: the content of the file.
 
     Raises:
-        DataError: it is no table of numbers, or too large.
+        DataError: it is not a table of numbers, or too large.
     """
     if len(content) > MOST_BYTES:
         raise DataError(
-            f"`{path}` has {len(content)} bytes, and {MOST_BYTES} are the most that data may have",
+            f"`{path}` has {len(content)} bytes, and a data file may have {MOST_BYTES} at most",
             "leave out rows or columns that the spec does not need",
         )
     record = RecordedFile(DATA_ROLE, path, str(sha256(content).hexdigest()), len(content), content)
@@ -123,7 +123,7 @@ def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]
     ]
     if len(kept) < 2:
         raise DataError(
-            f"`{path}` holds no table: a line of names and lines of numbers are needed",
+            f"`{path}` contains no table: it needs a line of names and lines of numbers",
             "the first line names the columns, as in `time,height`, and each other one has a number for each",
         )
     heading = kept[0][1]
@@ -134,7 +134,7 @@ def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]
             (line for _, line in kept), delimiter=mark, skipinitialspace=True, strict=True
         )
     except csv.Error as error:
-        raise DataError(f"`{path}` is no table ({error})", _QUOTES) from None
+        raise DataError(f"`{path}` is not a table ({error})", _QUOTES) from None
     if len(rows) + 1 != len(kept):
         raise DataError(f"`{path}` has quotes that do not close on their line", _QUOTES)
     names = [name.strip() for name in names]
@@ -156,7 +156,7 @@ def _of_csv(path: str, content: bytes) -> tuple[dict[str, FloatArray], list[int]
         cell = rows[k][column].strip()
         if cell and cell.lower() != "nan":
             raise DataError(
-                f"line {numbers[k + 1]} of `{path}` has `{cell}` for {names[column]}: no number",
+                f"line {numbers[k + 1]} of `{path}` has `{cell}` for {names[column]}, which is not a number",
                 _advice_on_words(cell, [each.strip() for each in rows[k]], first=k == 0),
             )
     return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}, numbers[1:]
@@ -167,7 +167,7 @@ _MARKS = "cells are separated by commas, semicolons or tabulators, the same on a
 
 
 def _advice_on_cells(row: Sequence[str], columns: int, mark: str) -> str:
-    """What to do about a line with another number of cells than the first one."""
+    """Advice on a line with a different number of cells than the first one."""
     if len(row) == columns + 1 and not row[-1].strip():
         return f"take away the `{mark}` at the end of the line"
     if mark == "," and len(row) == 2 * columns and all(cell.strip().isdigit() for cell in row[1::2]):
@@ -176,15 +176,15 @@ def _advice_on_cells(row: Sequence[str], columns: int, mark: str) -> str:
 
 
 def _advice_on_words(cell: str, row: Sequence[str], first: bool) -> str:
-    """Advice for the message about a CSV cell that is no number, by what the cell looks like."""
+    """Advice for the message about a CSV cell that is not a number, by what the cell looks like."""
     if "," in cell and not math.isnan(_number(cell.replace(",", ".", 1).replace(",", ""))):
         return "the decimal point is a `.`, and thousands are not separated"
     parts = cell.replace("|", " ").split()
     if len(parts) > 1 and not any(math.isnan(_number(part)) for part in parts):
         return _MARKS
     if first and all(math.isnan(_number(each)) for each in row):
-        return "if the line tells units, begin it with `#`: lines that do say nothing"
-    return "every cell is a number, in plain digits; where there is none, leave the cell empty"
+        return "if the line contains units, begin it with `#`, which makes it a comment"
+    return "every cell is a number, in plain digits; leave a cell without a number empty"
 
 
 def _check_heading(path: str, names: Sequence[str], line: int, text: str) -> None:
@@ -192,7 +192,7 @@ def _check_heading(path: str, names: Sequence[str], line: int, text: str) -> Non
         hint = "write a first line such as `time,height`"
         if text.startswith("#"):
             hint = (
-                "lines that begin with `#` say nothing: if the first one names the columns, take the `#` away"
+                "lines that begin with `#` are comments: if the first one names the columns, remove the `#`"
             )
         raise DataError(f"line {line} of `{path}` holds numbers; it has to name the columns", hint)
     if not all(names):
@@ -207,7 +207,7 @@ def _check_heading(path: str, names: Sequence[str], line: int, text: str) -> Non
 
 
 def _number(cell: str) -> float:
-    """The number in a cell; NaN where there is none."""
+    """The number in a cell; NaN if it is empty."""
     try:
         return float(cell)
     except ValueError:
@@ -227,12 +227,14 @@ def _of_npz(path: str, content: bytes) -> dict[str, FloatArray]:
     columns: dict[str, FloatArray] = {}
     for name, values in members.items():
         if values.ndim > 2 or not values.size:
-            raise DataError(f"`{name}` in `{path}` has the shape {values.shape}: lists and matrices are read")
+            raise DataError(
+                f"`{name}` in `{path}` has the shape {values.shape}: only lists and matrices can be read"
+            )
         columns[name] = column = np.atleast_1d(values).astype(np.float64)
         if np.isinf(column).any():
             raise DataError(f"`{name}` in `{path}` is infinite somewhere")
     if not columns:
-        raise DataError(f"`{path}` holds no arrays")
+        raise DataError(f"`{path}` contains no arrays")
     return columns
 
 

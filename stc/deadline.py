@@ -1,4 +1,4 @@
-"""Until when work may go on, and whether somebody has asked for its end: one answer for all that takes long.
+"""The time limit of the current thread, and requests to stop, for all long-running work.
 
     with within(5.0):       # seconds from here; an earlier end that holds outside holds inside as well
         ...
@@ -36,18 +36,18 @@ _unlimited: ContextVar[bool] = ContextVar("unlimited", default=False)
 
 
 def until() -> float:
-    """When the time of this thread is up, on the clock of ``time.perf_counter``; infinite where it never is."""
+    """The end of this thread's time, on the clock of ``time.perf_counter``; infinite without a limit."""
     return _until.get()
 
 
 def left() -> float:
-    """Seconds until then; negative where it is past."""
+    """Seconds until the end; negative if it is past."""
     return _until.get() - time.perf_counter()
 
 
 @contextmanager
 def within(seconds: float) -> Iterator[None]:
-    """Inside, work may go on for so many seconds, or less where less is left already."""
+    """A context with a time limit in seconds; an earlier outer limit still applies."""
     token = _until.set(min(_until.get(), time.perf_counter() + seconds))
     try:
         yield
@@ -56,9 +56,9 @@ def within(seconds: float) -> Iterator[None]:
 
 
 def spent(seconds: float) -> Callable[[object], bool]:
-    """A callback that stops a solve once this thread has taken so many seconds of processor time from here.
+    """A callback that stops a solve after this thread has used a number of seconds of processor time.
 
-    Unlike a time limit it ends at the same iterate, nearly, however much else the machine has to do.
+    Unlike a time limit it stops at nearly the same iterate, whatever the load of the machine is.
     """
     end = time.thread_time() + seconds
     return lambda _: time.thread_time() > end
@@ -66,7 +66,7 @@ def spent(seconds: float) -> Callable[[object], bool]:
 
 @contextmanager
 def unlimited() -> Iterator[None]:
-    """Inside, :func:`look` lets everything go on: what there is when the time is up is still to be saved."""
+    """A context in which :func:`look` never raises, to save the result when the time is up."""
     token = _unlimited.set(True)
     try:
         yield
@@ -75,12 +75,12 @@ def unlimited() -> Iterator[None]:
 
 
 def begin(at: float) -> None:
-    """Let the time of this thread be up at a moment of ``time.perf_counter``, whatever held before."""
+    """Set the end of this thread's time, on the clock of ``time.perf_counter``."""
     _until.set(at)
 
 
 def look() -> None:
-    """Go on only if that is still wanted.
+    """Check that the work may continue.
 
     Raises:
         EndedError: the time is up, or this process was asked to stop.
@@ -90,11 +90,11 @@ def look() -> None:
     if asked_to_stop:
         raise EndedError("interrupted", "interrupted")
     if time.perf_counter() > _until.get() + LATE:
-        raise EndedError("the time limit was reached before there was a motion to keep", "time_limit")
+        raise EndedError("the time limit was reached before there was a motion to save", "time_limit")
 
 
 def process_began() -> float:
-    """When this process was started, on the clock of ``time.perf_counter``; now where the system does not tell."""
+    """The start of this process, on the clock of ``time.perf_counter``; now if the system does not say."""
     now = time.perf_counter()
     with suppress(OSError, ValueError, IndexError, AttributeError):
         # The name of the program is in parentheses, and may hold anything; the start is the 22nd field.

@@ -23,9 +23,9 @@ EXCERPT_WIDTH = 110
 
 @dataclass(eq=False, slots=True)
 class Origins:
-    """Which characters of a spec every character of the text came from that its repetitions were written out into.
+    """The characters of the original spec for every character of a text whose repetitions have been written out.
 
-    ``counts`` are the constants that they were written out by, with their values.
+    ``counts`` are the constants that determine the repetitions, with their values.
     """
 
     written: Source
@@ -34,9 +34,10 @@ class Origins:
     _pieces: list[tuple[int, int, int, str]] = field(default_factory=list, repr=False)
 
     def add(self, at: int, length: int, start: int, end: int, values: str) -> None:
-        """From ``at`` on, ``length`` characters stand for those from ``start`` to ``end`` of the spec.
+        """Map ``length`` characters from ``at`` on to those from ``start`` to ``end`` of the original spec.
 
-        Where they are as many, each stands for one; else all for all.  ``values`` is what is repeated there.
+        Where they are as many, each stands for one; else all for all.  ``values`` are the values of the repetition's
+        indices.
         """
         self._begins.append(at)
         self._pieces.append((length, start, end, values))
@@ -47,27 +48,33 @@ class Origins:
         return begin, max(begin, self._corner(max(start, end - 1), 1))
 
     def _corner(self, offset: int, after: int) -> int:
-        """Where the character at ``offset`` begins in the spec, or with ``after`` = 1 where it ends."""
+        """The offset in the spec at which the character at ``offset`` begins, or ends with ``after`` = 1."""
         piece = max(0, bisect_right(self._begins, offset) - 1)
         length, start, end, _ = self._pieces[piece]
         if length != end - start:
             return end if after else start
         return min(start + offset - self._begins[piece] + after, end)
 
+    def first(self, offset: int) -> int | None:
+        """The first character of the text that stands for the one at ``offset`` of the spec; None if none does."""
+        for begin, (length, start, end, _) in zip(self._begins, self._pieces):
+            if start <= offset < end:
+                return begin + (offset - start if length == end - start else 0)
+        return None
+
     def values(self, offset: int) -> str:
-        """What is repeated there, and for what: ``k = 3``; empty outside repetitions."""
+        """The values of the repetition's indices there, such as ``k = 3``; empty outside repetitions."""
         return self._pieces[max(0, bisect_right(self._begins, offset) - 1)][3]
 
 
 @dataclass(eq=False, slots=True)
 class Source:
-    """The text of one spec and the name it is called by in messages (a path, or ``<text>``).
+    """The text of one spec, and its name in messages (a path, or ``<text>``).
 
-    ``model_file`` is the file of the model that the text names, where it is not to be looked for.
-    ``origins`` tells, of a text whose repetitions have been written out, what in the spec its characters stand for;
-    lines and columns are those of the spec.
-    ``carried`` holds the data files that the text names, by the paths that it writes, where it comes from a solution,
-    which carries them; None where they lie beside the spec.
+    ``model_file`` is the file of the model that the text names, if it is known already.
+    ``origins`` maps a text whose repetitions have been written out to the original text; lines and columns are those
+    of the original.
+    ``carried`` holds the data files of a solution, by the paths in its text; None if they are on disk beside the spec.
     """
 
     name: str
@@ -84,11 +91,11 @@ class Source:
         return self.text if self.origins is None else self.origins.written.text
 
     def place(self, start: int, end: int) -> tuple[int, int]:
-        """The characters of what was written that ``start`` to ``end`` stand for."""
+        """The characters of the source text from which ``start`` to ``end`` were generated."""
         return (start, end) if self.origins is None else self.origins.place(start, end)
 
     def repeats(self, name: str, offset: int) -> bool:
-        """Whether what stands there is one of several that are written once, for each ``name``."""
+        """Whether the text there is repeated for each value of ``name``."""
         values = "" if self.origins is None else self.origins.values(offset)
         return f", {name} = " in f", {values}"
 
@@ -182,9 +189,9 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One mistake or warning: what is wrong, where, and what to do about it.
+    """One mistake or warning: its message, its place in the text, and a hint.
 
-    ``severity`` is ``"error"`` or ``"warning"``; ``span`` is None where no place in the text is to blame.
+    ``severity`` is ``"error"`` or ``"warning"``; ``span`` is None if the mistake has no place in the text.
     """
 
     severity: str
@@ -205,15 +212,15 @@ class Diagnostic:
 
 
 def _shown(text: str) -> str:
-    """A piece of a line as an excerpt shows it: a character for each column."""
+    """A piece of a line for an excerpt, with one character per column."""
     return visible(text.expandtabs(4))
 
 
 class StcError(Exception):
-    """Anything that went wrong for a reason that the user can be told."""
+    """Any error that the user can correct; its message says how."""
 
     def _render_traceback_(self) -> list[str]:
-        """What a notebook shows: the message with its place in the spec, not the calls that led to it."""
+        """The output in a notebook: the message with its place in the spec, without a traceback."""
         return str(self).splitlines()
 
 
@@ -230,7 +237,7 @@ class SpecError(StcError):
         return self.shown()
 
     def shown(self, most: int | None = None) -> str:
-        """The message with so many mistakes at ``most``, and how many more there are."""
+        """The message with at most ``most`` mistakes, and the number of the others."""
         lines = [diagnostic.render() for diagnostic in self.diagnostics[:most]]
         if len(lines) < len(self.diagnostics):
             lines.append(f"and {len(self.diagnostics) - len(lines)} more mistakes")
@@ -238,7 +245,7 @@ class SpecError(StcError):
 
 
 class EvaluationError(StcError):
-    """A function of the spec has no value (0/0, the root of a negative number...) where it is needed.
+    """A function of the spec is undefined (0/0, the root of a negative number...) where its value is needed.
 
     ``expression`` is the statement's own text, ``frame`` where it was evaluated (a half at a midpoint),
     ``values`` the numbers that its names had there, in the units of the spec.
@@ -277,7 +284,7 @@ class EvaluationError(StcError):
 
 
 class UsageError(StcError):
-    """A call or a command line that cannot be carried out: an unknown option, constant, file or name."""
+    """An invalid call or command line: an unknown option, constant, file or name."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message, hint)
@@ -289,7 +296,7 @@ class UsageError(StcError):
 
 
 class UnsolvedError(UsageError):
-    """What was asked for takes a solve that ended otherwise than optimal; ``status`` is how."""
+    """A solve ended other than optimal, but an optimal solution is required; ``status`` says how it ended."""
 
     def __init__(self, message: str, hint: str, status: str) -> None:
         super().__init__(message, hint)
@@ -300,11 +307,11 @@ class UnsolvedError(UsageError):
 
 
 class SolutionError(StcError):
-    """A solution that contradicts itself, or a file that does not hold a solution."""
+    """A solution that contradicts itself, or a file that is not a solution."""
 
 
 class EndedError(StcError):
-    """Work was ended before it had come to anything; ``status`` is ``time_limit`` or ``interrupted``."""
+    """The work was stopped before there was a result; ``status`` is ``time_limit`` or ``interrupted``."""
 
     def __init__(self, message: str, status: str) -> None:
         super().__init__(message, status)

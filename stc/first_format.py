@@ -1,8 +1,8 @@
-"""Solution files of the first format, read for what they contain.
+"""Solution files of the first format.
 
-They held the motion three times: the decision vector, the curves by name, and what the replay takes.  The curves are
-taken, everything else is evaluated from them as for files of today, and where one of the others says something else the
-file was altered.
+They held the motion three times: the decision vector, the curves by name, and the inputs of the replay.  The curves are
+used, everything else is computed from them as for files of the present format; if one of the others differs, the file
+was altered.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ def read_first(stored: Stored, solution_of: Callable[[Stored], Solution]) -> Sol
     """The solution of a file of the first format.
 
     Args:
-        stored: what it holds.
-        solution_of: makes a solution of what a file of today's format holds.
+        stored: the content of the file.
+        solution_of: function that makes a solution from the content of a file of the present format.
 
     Raises:
         SolutionError: it contradicts itself.

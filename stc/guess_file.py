@@ -1,4 +1,4 @@
-"""Starting values from outside: a table of numbers, or an earlier solution, asked for at the frames of a motion.
+"""Starting values from a table of numbers or an earlier solution, evaluated at the frames of a motion.
 
 ``.csv``
     A heading line with names, then numbers.  A column ``t`` or ``time`` (seconds) or ``frame`` says where each row
@@ -40,7 +40,9 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 NodeValues = tuple[FloatArray, FloatArray, FloatArray]
-"""Values at frames before (n+1,) and after (n+1,) a jump, and at midpoints (n,) or none there; NaN is no value."""
+"""Values at the frames before (n+1,) and after (n+1,) a jump, and at the midpoints: (n,) or None. NaN means no
+value.
+"""
 
 #: Names of the columns that say where a row stands.
 PLACES = ("t", "time", "frame")
@@ -59,15 +61,15 @@ APART = 1e-9
 
 
 class CoverageWarning(UserWarning):
-    """A table of starting values is for another time than the motion's."""
+    """A table of starting values covers a different time interval than the motion."""
 
 
 class UnusedWarning(UserWarning):
-    """Starting values that nothing in the spec uses."""
+    """Some starting values are not used by the spec."""
 
 
 class GivenValues(Protocol):
-    """Starting values by name.  ``strict`` tells whether a name that the spec does not have is a mistake."""
+    """Starting values by name. ``strict`` says whether a name that the spec does not contain is a mistake."""
 
     strict: bool
 
@@ -75,7 +77,7 @@ class GivenValues(Protocol):
         """All names, derivatives with their primes."""
 
     def parameter(self, name: str) -> float | None:
-        """One number, or None where there is none of this name."""
+        """The value of a parameter, or None if there is none of this name."""
 
     def values(self, name: str, order: int, time: FloatArray, midpoints: bool = True) -> NodeValues | None:
         """A variable (or derivative of it) at the frames of a motion.
@@ -93,9 +95,9 @@ class TableValues:
     Attributes:
         columns: name to (k,) numbers; NaN where one is missing.
         place: ``t``, ``frame`` or ``""`` for rows that are spread evenly.
-        at: (k,) where each row stands, not falling.
-        where: what the table is called in messages.
-        judged: whether it was told already which of its columns nothing uses.
+        at: (k,) position of each row, not decreasing.
+        where: name of the table in messages.
+        judged: whether unused columns were already reported.
     """
 
     columns: Mapping[str, FloatArray]
@@ -139,7 +141,7 @@ class TableValues:
         )
 
     def _check_coverage(self, frames: FloatArray) -> None:
-        """Compare where the rows stand with the motion.
+        """Compare the positions of the rows with the motion.
 
         Raises:
             UsageError: a row for a frame that the motion does not have.
@@ -159,7 +161,7 @@ class TableValues:
             self._warned = True
             warnings.warn(
                 f"{self.where} covers {self.place} = {first:g} to {last:g}, the motion {begin:g} to {end:g}; "
-                "where it has no rows the nearest one counts",
+                "outside of its rows the nearest one is used",
                 CoverageWarning,
                 stacklevel=2,
             )
@@ -170,9 +172,9 @@ class SolutionValues:
     """A solution's own curves, by frame index.
 
     Attributes:
-        solution: whose curves.
-        alignment: which of its frames are which here; None keeps each frame's share of the motion.
-        judged: whether it was told already which of its values nothing uses.
+        solution: the solution.
+        alignment: the correspondence of its frames; None keeps each frame's share of the motion.
+        judged: whether unused values were already reported.
     """
 
     solution: Solution
@@ -217,7 +219,7 @@ class SolutionValues:
 
 
 def warn_of_unused(given: GivenValues, spec: str, known: Mapping[str, int | None]) -> None:
-    """Tell once which values a spec has no use for.
+    """Warn once of values that the spec does not use.
 
     Args:
         given: the values.
@@ -249,7 +251,7 @@ def warn_of_unused(given: GivenValues, spec: str, known: Mapping[str, int | None
 
 
 def _hint(name: str, known: Mapping[str, int | None]) -> str:
-    """What may have been meant by a name that nothing uses."""
+    """A suggestion for a name that is not used."""
     base = name.rstrip("'")
     if base not in known:
         from difflib import get_close_matches
@@ -263,10 +265,10 @@ def _hint(name: str, known: Mapping[str, int | None]) -> str:
 
 
 def guess_of(given: Mapping[str, ArrayLike] | GivenValues | Solution | str | os.PathLike[str]) -> GivenValues:
-    """Starting values from a file, from numbers by name (a column ``t`` or ``frame`` among them), or as they are.
+    """Starting values from a file, from numbers by name (with a column ``t`` or ``frame``), or from a solution.
 
     Raises:
-        UsageError: as :func:`read_guess`; or what is given is none of these.
+        UsageError: as :func:`read_guess`; or the argument is none of these.
     """
     if isinstance(given, str | os.PathLike):
         return read_guess(given)
@@ -283,7 +285,7 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
     """Read starting values from a ``.csv`` or ``.npz`` file.
 
     Raises:
-        UsageError: no such file, another kind of file, or what is in it is no table of numbers.
+        UsageError: no such file, another kind of file, or a file that is not a table of numbers.
         SolutionError: a damaged solution.
     """
     import csv
@@ -303,7 +305,7 @@ def read_guess(path: str | os.PathLike[str]) -> GivenValues:
     except PermissionError:
         raise UsageError(f"no guess can be read from `{source}`: it may not be read") from None
     except csv.Error as error:
-        raise UsageError(f"no guess can be read from `{source}`: it is no table ({error})") from None
+        raise UsageError(f"no guess can be read from `{source}`: it is not a table ({error})") from None
     except npz.ContentsError as error:
         raise UsageError(f"no guess can be read from `{source}`: {error}") from None
     except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError):
@@ -323,7 +325,7 @@ def _read_npz(source: Path) -> GivenValues:
     columns: dict[str, FloatArray] = {}
     for name, values in npz.load(source, compressed=True).items():
         if values.ndim > 1:
-            raise UsageError(f"`{name}` in `{source}` is no list of numbers (shape {values.shape})")
+            raise UsageError(f"`{name}` in `{source}` is not a list of numbers (shape {values.shape})")
         columns[name] = np.atleast_1d(values).astype(float)
     return table(columns, f"`{source}`")
 
@@ -336,7 +338,7 @@ def _read_csv(source: Path) -> GivenValues:
         return SolutionValues(read(source))
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
-        raise UsageError(f"`{source}` holds no table: a line of names and lines of numbers are needed")
+        raise UsageError(f"`{source}` contains no table: it needs a line of names and lines of numbers")
     mark = next((mark for mark in (",", ";", "\t") if mark in lines[0]), ",")
     heading, *rows = csv.reader(lines, delimiter=mark)
     names = [name.strip() for name in heading]
@@ -369,7 +371,9 @@ def _number(cell: str, name: str, row: int, source: Path) -> float:
     try:
         return float(cell)
     except ValueError:
-        raise UsageError(f"row {row} of `{source}` has `{cell.strip()}` for {name}: no number") from None
+        raise UsageError(
+            f"row {row} of `{source}` has `{cell.strip()}` for {name}, which is not a number"
+        ) from None
 
 
 def table(columns: Mapping[str, Any], where: str = "the guess") -> TableValues:
@@ -381,13 +385,13 @@ def table(columns: Mapping[str, Any], where: str = "the guess") -> TableValues:
     arrays: dict[str, FloatArray] = {}
     for name, numbers in columns.items():
         if not isinstance(name, str):
-            raise UsageError(f"{where} is numbers by name, and {name!r} is no name")
+            raise UsageError(f"{where} is numbers by name, and {name!r} is not a name")
         try:
             arrays[name] = column = np.atleast_1d(np.asarray(numbers, dtype=float))
         except (TypeError, ValueError):
             column = np.zeros(0)
         if column.ndim > 1 or not column.size:
-            raise UsageError(f"`{name}` in {where} is no number, nor a list of numbers")
+            raise UsageError(f"`{name}` in {where} is neither a number nor a list of numbers")
         if np.isinf(column).any():
             raise UsageError(f"in {where}, {name} is infinite somewhere")
         if not np.isfinite(column).any():

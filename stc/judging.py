@@ -1,8 +1,8 @@
-"""Judges what a solution says of itself: the problem is stated again from its text, and everything evaluated anew.
+"""Check the figures that a solution states: the problem is built again from its text, and everything is recomputed.
 
-Of a solution the text, the constants that were given, the method, the unknowns and the multipliers are believed, since
-they are what is judged.  All else is a claim.  What is recomputed here shares the meaning of the language with the
-solver, and neither its kernels nor its derivatives nor its scaling (:mod:`stc.transcription.point`).
+The text, the given constants, the method, the unknowns and the multipliers of a solution are the inputs of this check;
+all else is recomputed.  The computation shares the language with the solver, but none of its kernels, derivatives or
+scaling (:mod:`stc.transcription.point`).
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ __all__ = ["judge"]
 
 
 def judge(solution: Solution) -> Claims:
-    """Hold a solution's claims against its own text and numbers.
+    """Compare the figures of a solution with values recomputed from its text and numbers.
 
     Args:
-        solution: any. One that was made by hand and whose text is no spec claims nothing that could be checked.
+        solution: a solution. One that was made by hand and whose text is not a spec has no figures to check.
     """
     words = _words(solution)
     try:
@@ -42,7 +42,7 @@ def judge(solution: Solution) -> Claims:
         found = point.found()
     except StcError as error:
         reason = str(error).splitlines()[0]
-        return Claims(words=words, notes=[f"what the solution says of itself is not checked: {reason}"])
+        return Claims(words=words, notes=[f"the figures that the solution states are not checked: {reason}"])
     problem = stated.problem
     claims = [_objective(problem, solution, found), *_constants(problem, solution)]
     contradictory = bool(
@@ -69,11 +69,11 @@ def judge(solution: Solution) -> Claims:
 
 
 def _other_data(solution: Solution) -> list[str]:
-    """Which of the data that a motion was solved with is not what lies beside the spec by now."""
+    """Data files of the motion that differ from those beside the spec now."""
     if not solution.directory:
         return []
     return [
-        f"{path} has changed since this motion was solved: it is judged with the data that it carries"
+        f"{path} has changed since this motion was solved: it is judged with the data stored in its file"
         for path in changed(solution.data, Path(solution.directory) / "spec")
         if (Path(solution.directory) / path).is_file()
     ]
@@ -87,7 +87,7 @@ def _objective(problem: Problem, solution: Solution, found: Found) -> Claim:
 
 
 def _constants(problem: Problem, solution: Solution) -> list[Claim]:
-    """The constants that are not what the text and the given ones come to."""
+    """Constants that differ from those computed from the text and the given ones."""
     wrong = []
     for name in dict.fromkeys([*problem.constants, *solution.constants]):
         claimed, stated = solution.constants.get(name, math.nan), problem.constants.get(name, math.nan)
@@ -98,7 +98,7 @@ def _constants(problem: Problem, solution: Solution) -> list[Claim]:
 
 
 def _declared(problem: Problem, name: str) -> str:
-    """Where a constant is declared; "" where it is not."""
+    """The position at which a constant is declared; "" if it is not."""
     for section in parse(problem.source).sections:
         for block in section.blocks if section.kind == "constants" else ():
             for declared in block.statements:
@@ -108,14 +108,14 @@ def _declared(problem: Problem, name: str) -> str:
 
 
 def _left_out(problem: Problem) -> list[str]:
-    """A note of what the spec leaves out of its model, which MuJoCo does not."""
+    """A note on parts of the model that the spec leaves out and MuJoCo simulates."""
     if not problem.left_out:
         return []
-    return [f"the spec leaves out of its model what MuJoCo simulates: {', '.join(problem.left_out)}"]
+    return [f"the spec leaves out parts of its model that MuJoCo simulates: {', '.join(problem.left_out)}"]
 
 
 def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:
-    """What the numbers themselves contradict."""
+    """Contradictions within the numbers."""
     faults = []
     if solution.status == "optimal":
         for miss in found.misses:
@@ -143,11 +143,19 @@ def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:
 
 
 def _worst(found: Found) -> str:
-    """Where the optimality conditions hold least, in words."""
+    """The place at which the optimality conditions are violated most, in words."""
     if found.stationarity >= found.complementarity:
-        what, place, amount = "the Lagrangian's slope by", found.steepest, found.stationarity
+        what, place, amount = (
+            "the derivative of the Lagrangian with respect to",
+            found.steepest,
+            found.stationarity,
+        )
     else:
-        what, place, amount = "multiplier times room of", found.loosest, found.complementarity
+        what, place, amount = (
+            "the product of multiplier and distance to the bound of",
+            found.loosest,
+            found.complementarity,
+        )
     name, frame = place
     return f"{what} {name} at {_frame(frame)} being {amount:.3g}, relative to terms of up to {found.size:.3g}"
 
@@ -175,7 +183,7 @@ def _frame(frame: float) -> str:
 
 
 def _words(solution: Solution) -> list[tuple[str, str]]:
-    """What nobody else can know: told as the solution's own word."""
+    """The figures that cannot be recomputed, as pairs of label and text."""
     seconds = solution.seconds.get("total", math.nan)
     words = [
         ("optimizer", solution.optimizer),

@@ -1,6 +1,6 @@
-"""The problems and transcriptions of a spec, those asked for last kept.
+"""The problems and transcriptions of a spec; the last ones are kept.
 
-Most constants shape nothing: problems that differ in them alone share what was differentiated and compiled.
+Problems that differ only in constants that are inputs of the compiled program share a transcription.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ KEPT = 24
 
 
 class KeptTranscriptions:
-    """Problems of one spec, with the transcriptions they share."""
+    """Problems of one spec, with their shared transcriptions."""
 
     def __init__(self, tree: SpecTree) -> None:
         self._tree = tree
@@ -37,10 +37,10 @@ class KeptTranscriptions:
         return len(self._kept)
 
     def problem(self, method: str | None, given: Mapping[str, float]) -> Problem:
-        """The problem with some constants, elaborated once for those who ask for it one after another.
+        """The problem with some constants; it is elaborated once for consecutive requests.
 
         Args:
-            method: that of transcription; the spec's own where it is None.
+            method: that of transcription; None for that of the spec.
             given: values of constants, in place of the spec's.
 
         Raises:
@@ -63,7 +63,7 @@ class KeptTranscriptions:
         """The problem with some constants and its transcription, an earlier one where only numbers have changed.
 
         Args:
-            method: that of transcription; the spec's own where it is None.
+            method: that of transcription; None for that of the spec.
             given: values of constants, in place of the spec's.
 
         Raises:
@@ -83,7 +83,7 @@ class KeptTranscriptions:
         return problem, self._kept[key]
 
     def known(self, method: str | None, given: Mapping[str, float]) -> tuple[Problem, Transcription] | None:
-        """As :meth:`of` where there is a transcription that fits, found without elaborating the spec; else None."""
+        """As :meth:`of` if a fitting transcription is found without elaborating the spec; else None."""
         wanted = method or self._own_method
         numbers = wanted, tuple(sorted(given.items()))
         if numbers in self._recent:

@@ -1,4 +1,4 @@
-"""How memory comes and goes: Python's search for unreachable cycles, and a limit to what a process takes."""
+"""Memory: Python's search for unreachable cycles, and a limit for the process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SMALLEST = 2**28
 
 
 def stay_within_memory() -> None:
-    """Let allocations that the machine cannot serve fail with MemoryError, which can be told of.
+    """Limit the memory of the process, so that too large allocations raise MemoryError, which can be reported.
 
     Linux grants them otherwise and kills the process, or another one, once the memory is used.
     """
@@ -29,7 +29,9 @@ def stay_within_memory() -> None:
 
 
 def _available() -> int | None:
-    """Bytes that this process may still take without anything being pushed out; None where the system does not tell."""
+    """Bytes that this process may still take without anything being pushed out; None if the system does not provide
+    it.
+    """
     try:
         with Path("/proc/meminfo").open(encoding="ascii") as lines:
             free = next(1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))

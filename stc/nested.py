@@ -1,8 +1,8 @@
-"""Nested iteration: the same motion on fewer frames, which is solved first to start the solve on all frames.
+"""Nested iteration: the same motion on fewer frames is solved first, as a start for the solve on all frames.
 
-What is hard about a motion, to find out how it goes at all, costs as many iterations on few frames as on many, and
-each costs less; from there a few steps lead to the solution on all frames (nested iteration of multigrid methods, and
-the refinement of meshes in J. T. Betts, Practical methods for optimal control, 2010, section 4.7).
+Finding the course of a motion takes as many iterations on few frames as on many, but each of them costs less; from
+there a few steps lead to the solution on all frames (nested iteration of multigrid methods, and the refinement of
+meshes in J. T. Betts, Practical methods for optimal control, 2010, section 4.7).
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Fineness:
-    """How few frames will do.
+    """The smallest acceptable numbers of frames.
 
     Attributes:
-        fewest, shortest: frames of a motion, and of each of its phases, that are left at least.
-        worthwhile: how many times fewer frames there are to be.
+        fewest, shortest: least number of frames of a motion, and of each of its phases.
+        worthwhile: least factor by which the number of frames is reduced.
     """
 
     fewest: int
@@ -59,21 +59,23 @@ class Fineness:
 
 
 FINE = Fineness(50, 25, 6.0)
-"""Frames that show the motion: with fewer of them it may be another one. What is different on all frames has to be
-found out there, in a few iterations or in as many as from the guess: with three times fewer frames that takes 1.4 times
-as long as without them, with six times fewer no longer, with more it gains (random motions of twelve kinds; swings of
-rods and cart-poles take half as long, motions with many optima longer)."""
+"""Limits for starts from a guess. On fewer frames the optimum may be a different motion, and the solve on all frames
+then takes as many iterations as from the guess. The factor 6 is the break-even of random motions of twelve kinds: with
+three times fewer frames, both solves take 1.4 times as long as one (swings of rods and cart-poles half as long, motions
+with many optima longer)."""
 COARSE = Fineness(20, 8, 1.6), Fineness(40, 16, 1.6), Fineness(80, 32, 1.6)
-"""For starts where none is known, one after the other."""
+"""Limits if no start is known, tried one after the other."""
 APART = 4.0
-"""A motion on so many times as many frames as another one has one half way between."""
+"""Least ratio of two numbers of frames between which a third is inserted."""
 ITERATIONS = 150
-"""Where the motion on fewer frames takes more, or that on all frames from there, it is no help."""
+"""Limits of iterations: a motion on fewer frames, or the solve from it on all frames, that takes more is not worth
+while.
+"""
 NEARLY = 1e-4
-"""A motion that violates its constraints by no more is worth another start from there."""
+"""A motion with no larger violation of its constraints is used for another start."""
 WORSE = 0.05
-"""A solution whose objective is this share above that on fewer frames is another motion, and not the better one, unless
-it is alike: then it is the few frames that have flattered it."""
+"""A solution whose objective exceeds that on fewer frames by this share is a different and worse motion, unless the
+two are alike: then the objective on fewer frames was too low."""
 
 Callback = Callable[[IterationRecord], bool | None]
 
@@ -83,8 +85,8 @@ class FewerFrames:
     """The same motion on fewer frames.
 
     Attributes:
-        constants: that lead to it.
-        ratio: how many times as large an objective is on all frames: 1 but for plain sums over frames.
+        constants: the constants of that motion.
+        ratio: ratio of the objective on all frames to that on fewer: 1 except for plain sums over frames.
     """
 
     constants: Mapping[str, float]
@@ -92,12 +94,12 @@ class FewerFrames:
 
 
 def half_way(few: int, many: int) -> Fineness | None:
-    """What leads to a number of frames between two others; None where these are near each other."""
+    """The constants for a number of frames between two others; None if these are close to each other."""
     return Fineness(round((few * many) ** 0.5), 1, 1.5) if many >= APART * few else None
 
 
 def only_once(offer: Callable[[int], tuple[Start | None, int]]) -> Callable[[int], tuple[Start | None, int]]:
-    """For ``Start.another``: what the offer is when it is asked for, and then no more."""
+    """A function for ``Start.another`` that makes an offer once."""
     offers = iter([offer])
 
     def another(left: int) -> tuple[Start | None, int]:
@@ -117,13 +119,13 @@ def own_constants(tree: SpecTree, overrides: Mapping[str, float]) -> list[str]:
 def fewer_frames(
     tree: SpecTree, overrides: Mapping[str, float], problem: Problem, fineness: Fineness = FINE
 ) -> FewerFrames | None:
-    """Constants for the motion on a number of frames that still shows it; None where the spec offers none.
+    """Constants for the same motion on fewer frames; None if the spec does not allow it.
 
     Args:
         tree: the spec.
         overrides: constants given from outside.
-        problem: the spec with these.
-        fineness: what is few enough, and what too few.
+        problem: the problem with these.
+        fineness: the limits of the number of frames.
     """
     cuts = named_cuts(problem)
     knots = Alignment.of(cuts, cuts).old
@@ -177,16 +179,16 @@ def _uncounted(found: Result) -> Result:
 
 @dataclass(slots=True)
 class Nested:
-    """A solve on all frames and on fewer of them, its limits and what it costs kept over all of that.
+    """A solve on all frames and on fewer of them, with its limits and totals.
 
     Args:
         coarse: solves the motion on fewer frames.
-        between: solves it half way to all frames, from the motion on fewer, and tells how many times as large its
-            objective is on all frames; None where there is nothing between.
-        start: where that leads to on all frames.
+        between: solves it half way to all frames, from the motion on fewer, and returns the ratio of the objective on
+            all frames as well; None if there is nothing between.
+        start: the resulting start on all frames.
         alike: whether a solution on all frames is the motion that it was started from.
-        fine: solves on all frames, from the spec's own guess where the start is None.
-        options, callback: of the whole solve.
+        fine: solves on all frames, from the spec's own guess if the start is None.
+        options, callback: options and callback of the whole solve.
     """
 
     coarse: Callable[[Options, Callback | None], Solution]
@@ -204,11 +206,11 @@ class Nested:
     _best: Result | None = None  # on all frames
 
     def fewer_first(self, ratio: float) -> Result:
-        """The result on all frames, iterations and factorisations of all solves counted.
+        """The result on all frames, with the iterations and factorisations of all solves.
 
-        A solve from the motion on fewer frames counts where it is no worse than that promised, or the same motion;
-        otherwise the spec's own guess is tried as well. Where it does not get on, it is started anew from the motion
-        half way between.
+        The solve from the motion on fewer frames is accepted if its objective is no worse than on fewer frames, or if
+        it is the same motion; otherwise the spec's own guess is tried as well.  If a solve makes no progress, it is
+        started again from the motion half way between.
 
         Args:
             ratio: see :class:`FewerFrames`.
@@ -232,7 +234,9 @@ class Nested:
         return self._counted(other)
 
     def _from_fewer(self, before: Solution, ratio: float) -> tuple[Result, bool]:
-        """What the motion on fewer frames leads to on all of them, and whether that is a solution, and as promised."""
+        """The result on all frames from the motion on fewer, whether it is a solution, and whether its objective is as
+        expected.
+        """
         # Those that are made half way are taken off.
         quick = replace(self._attempt(3 * ITERATIONS), warm_start=True, trusting=False)
         self._promised = ratio * before.objective
@@ -250,13 +254,14 @@ class Nested:
         return found, found.status is Status.OPTIMAL and self._is_that_motion(start, found)
 
     def _is_that_motion(self, start: Start, found: Result) -> bool:
-        """Whether a solution is the motion that it was started from, as far as one can tell, or one as good."""
+        """Whether a solution is probably the motion from which it was started, or one that is as good."""
         return self._as_promised(found) or self.alike(start, found)
 
     def _compared_half_way(self, before: Solution, worse: Result) -> Result:
-        """A solution that is worse than promised, or what the motion half way leads to if that promises better.
+        """A solution that is worse than expected, or the result from the motion half way if that has a better
+        objective.
 
-        Often it is the few frames that have flattered the motion: more of them promise no more than has been found.
+        Often the objective on few frames was too low; the motion half way then confirms the solution.
         """
         self._count(worse)
         start = None if self._went_half_way else self._half_way(before, self._left().max_iterations)[0]
@@ -269,7 +274,7 @@ class Nested:
         return _uncounted(worse)
 
     def _as_promised(self, found: Result) -> bool:
-        """Whether the objective is hardly worse than the motion on fewer frames has promised."""
+        """Whether the objective is hardly worse than on fewer frames."""
         share = WORSE * max(abs(self._promised), abs(found.objective))
         return bool(found.objective <= self._promised + share)
 
@@ -292,18 +297,18 @@ class Nested:
         return self.start(found), found.iterations
 
     def _offer_half_way(self, before: Solution, left: int) -> tuple[Start | None, int]:
-        """What a solve on all frames from fewer of them gets where it does not get on (see ``Start.another``)."""
+        """A new start for a solve on all frames that makes no progress (see ``Start.another``)."""
         found = self._half_way(before, left)
         self._pass_on_stop()
         return found
 
     def _pass_on_stop(self) -> None:
-        """Stop a solve that waits for another start where the user has stopped what was to lead to that."""
+        """Stop a solve that waits for another start if the user has stopped the solve of that start."""
         if self._stopped:
             raise KeyboardInterrupt
 
     def fewer_for_help(self, own: Start, offered: Callable[[Fineness], bool]) -> Result:
-        """The same from the spec's own guess, started anew from fewer frames where it does not get on.
+        """The result from the spec's own guess; it is started again from fewer frames if it makes no progress.
 
         Args:
             own: the guess.
@@ -328,26 +333,26 @@ class Nested:
         return self._counted(self._on_all(self.options, start))
 
     def _on_all(self, options: Options, start: Start | None) -> Result:
-        """Solve on all frames, and keep what is the best of all such solves so far."""
+        """Solve on all frames, and keep the best of all such solves."""
         found = self.fine(options, start, self._teller)
         if self._best is None or self._rank(found) < self._rank(self._best):
             self._best = found
         return found
 
     def _rank(self, found: Result) -> tuple[float, float]:
-        """Less for better points: feasible ones first."""
+        """A sort key of points: smaller for better ones, feasible ones first."""
         violated = found.violation > self.options.feasibility_tolerance
         return found.violation if violated else 0.0, found.objective
 
     def _before(self, most: int = ITERATIONS) -> Solution:
-        """The motion on fewer frames, counted; found in so many iterations at ``most``."""
+        """The motion on fewer frames, counted; found in at most ``most`` iterations."""
         # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
         before = self.coarse(self._attempt(most), self._afar)
         self._note(before)
         return before
 
     def _note(self, before: Solution) -> None:
-        """Count a solve on fewer frames, and see whether the user has stopped it."""
+        """Count a solve on fewer frames, and check whether the user has stopped it."""
         self._count(before)
         self._stopped = self._stopped or before.status == "interrupted"
 
@@ -357,7 +362,7 @@ class Nested:
         return self._iterations >= self.options.max_iterations or deadline.left() <= 0.0
 
     def _left(self) -> Options:
-        """The options with what is left of the limits: nothing where the user has stopped the solve."""
+        """The options with the remaining limits; zero if the user has stopped the solve."""
         most = 0 if self._stopped else max(0, self.options.max_iterations - self._iterations)
         return replace(self.options, max_iterations=most)
 
@@ -371,7 +376,7 @@ class Nested:
         self._factorizations += done.factorizations
 
     def _counted(self, result: Result) -> Result:
-        """The result with what all solves took, and, where it is no solution, with the best point of all."""
+        """The result with the totals of all solves and, if it is not a solution, with the best point of all."""
         if result.status is not Status.OPTIMAL:
             result = self._with_best(result)
         if not (self._iterations or self._factorizations):
@@ -406,7 +411,7 @@ class Nested:
 
     @property
     def _teller(self) -> Callback | None:
-        """What the solves are to call; None where nobody wants to know, which saves them the effort."""
+        """The callback of the solves; None if there is none, which saves time."""
         return self._told if self.callback is not None else None
 
     @property
@@ -415,7 +420,7 @@ class Nested:
         return self._told_from_afar if self.callback is not None else None
 
     def _told(self, record: IterationRecord) -> bool:
-        """Pass a record on, the iterations before counted."""
+        """Pass a record on, with the earlier iterations counted."""
         assert self.callback is not None
         if self.callback(replace(record, iteration=record.iteration + self._iterations)):
             self._stopped = True

@@ -1,7 +1,7 @@
-"""How solutions, specs, reports and sweeps show themselves in a notebook, and as tables of other libraries.
+"""The display of solutions, specs, reports and sweeps in a notebook, and their conversion to tables of other libraries.
 
-The classes name these functions without importing them (``_repr_html_``, ``to_dataframe``, ``to_xarray``), so that they
-cost nothing where they are not used.  pandas and xarray are imported when they are asked for.
+The classes call these functions without importing this module first (``_repr_html_``, ``to_dataframe``, ``to_xarray``).
+pandas and xarray are imported when they are needed.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def of_certificate(certificate: Certificate) -> str:
 
 
 def of_sweep(sweep: Sweep) -> str:
-    """A sweep as HTML: how many points are done, the first rows of its table, and the objective drawn."""
+    """A sweep as HTML: the number of finished points, the first rows of its table, and the objective drawn."""
     from stc.sweeps.picture import draw
 
     columns = sweep.columns()
@@ -137,7 +137,7 @@ def _columns(solution: Solution, times: npt.ArrayLike | None) -> tuple[Any, dict
 
 
 def _about(solution: Solution) -> dict[str, Any]:
-    """What a table says of the motion besides its numbers."""
+    """The facts about a motion that go with its table: spec, status and objective."""
     return {
         "spec": solution.name,
         "sha256": solution.sha256,

@@ -1,4 +1,4 @@
-"""Arrays into ``.npz`` files, and out of such files from anyone."""
+"""Write arrays to ``.npz`` files, and read such files from untrusted sources."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ import numpy as np
 def save(stream: IO[bytes], arrays: Mapping[str, np.ndarray]) -> None:
     """Write arrays under their names; :func:`numpy.load` reads them.
 
-    :func:`numpy.savez` takes the names for its own options, one of which is ``file``, and pickles objects.
+    :func:`numpy.savez` would confuse names with its own options, such as ``file``, and pickle objects.
 
     Args:
-        stream: open for writing, at the start of the file.
-        arrays: of plain numbers.
+        stream: a stream open for writing, at the start of the file.
+        arrays: arrays of plain numbers.
 
     Raises:
         ValueError: an array of objects.
@@ -32,12 +32,12 @@ def save(stream: IO[bytes], arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def load(path: str | os.PathLike[str] | bytes, compressed: bool = False) -> dict[str, np.ndarray]:
-    """Read the arrays of an ``.npz`` file from anyone: plain numbers alone, and no more memory than the file is large.
+    """Read the arrays of an untrusted ``.npz`` file: plain numbers only, and no more memory than the size of the file.
 
-    What members claim to be is held against what is there before any memory is taken for it.
+    The stated sizes of members are compared with the file before memory is allocated.
 
     Args:
-        path: of the file, or all that is in it.
+        path: path of the file, or its content.
         compressed: whether members may be compressed; together they may then come to 256 MiB.
 
     Raises:
@@ -70,7 +70,7 @@ def load(path: str | os.PathLike[str] | bytes, compressed: bool = False) -> dict
 
 
 class ContentsError(ValueError):
-    """An archive whose members are not what they claim to be, or no arrays of numbers."""
+    """An archive whose members have wrong sizes, or are not arrays of numbers."""
 
 
 #: What compressed members may come to together, in bytes.
@@ -78,7 +78,7 @@ _MOST_UNPACKED = 2**28
 
 
 def _array(name: str, content: bytes) -> np.ndarray:
-    """An array in the format of ``.npy`` files; a view of what was read."""
+    """An array in the format of ``.npy`` files; a view of the bytes that were read."""
     stream = io.BytesIO(content)
     version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):

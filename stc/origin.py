@@ -1,4 +1,4 @@
-"""From a solution back to what it solves: the text that it carries, the problem stated there, a model to go on with."""
+"""From a solution back to its problem: the text in the solution, the problem it states, a model to solve again."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def model_of(solution: Solution) -> Model:
-    """The model that made a solution; for one from a file, made from the text that it carries.
+    """The model that solved a solution; for one from a file, a model from the text in the file.
 
     Raises:
         SpecError: the text is not a spec.
@@ -27,19 +27,19 @@ def model_of(solution: Solution) -> Model:
 
 
 def resolve(solution: Solution, **changes: Any) -> Solution:
-    """Solves a solution's spec again with other constants, from there: :meth:`stc.solution.Solution.resolve`."""
+    """Solve a solution's spec again with other constants; see :meth:`stc.solution.Solution.resolve`."""
     constants = {**solution.overrides, **numbers(changes.pop("constants", None) or {})}
     changes = {"method": solution.method, "warm_start": solution, **changes}
     return model_of(solution).solve(constants=constants, **changes)
 
 
 def statements_between(solution: Solution) -> list[StatementCheck]:
-    """A solution's own statements between its frames; none where its text cannot be read any more."""
+    """A solution's own statements between its frames; empty if its text cannot be parsed."""
     from stc.between import check_statements
 
     if not solution.n:
         return []
     try:
         return check_statements(problem_of(solution), solution)
-    except StcError:  # a motion from elsewhere, whose text is no spec
+    except StcError:  # a motion from elsewhere, whose text is not a spec
         return []

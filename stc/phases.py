@@ -1,8 +1,8 @@
-"""The stretches of a motion on which the same equations hold.
+"""The phases of a motion, in each of which the same equations hold.
 
-A spec may state other equations of motion before and after a contact.  Between two frames the set of
-statements that hold is known from their ranges; neighbouring steps with the same set make one phase.
-Statements on single frames (starts, ends, waypoints) belong to none.
+A spec may state different equations of motion before and after a contact.  The statements that hold between two frames
+are known from their ranges; neighbouring steps with the same statements form one phase.  Statements on single frames
+(starts, ends, waypoints) belong to no phase.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from stc.symbolic.expr import Expr, substitute, sym, symbols
 
 @dataclass(frozen=True, slots=True)
 class Equation:
-    """An equation of the spec as it reads in one phase.
+    """An equation of the spec in one phase.
 
     Attributes:
-        body: what must be zero; ranged definitions replaced by the piece that holds, sides of jumps dropped.
-        relation: the statement that it comes from.
+        body: the expression that must be zero; ranged definitions are replaced by the valid piece, sides of jumps
+            dropped.
+        relation: its statement.
     """
 
     body: Expr
@@ -43,7 +44,7 @@ class Phase:
 
 
 def phases(problem: Problem) -> list[Phase]:
-    """All phases in the order of time; none where the motion has one frame only."""
+    """All phases in the order of time; empty if the motion has one frame only."""
     wide = [r for r in problem.relations if r.is_equality and r.range.first < r.range.last]
     found: list[Phase] = []
     for first, last in stretches(problem, wide):
@@ -57,10 +58,10 @@ def phases(problem: Problem) -> list[Phase]:
 
 
 def stretches(problem: Problem, relations: Iterable[Relation]) -> list[tuple[int, int]]:
-    """Stretches of frames on which each of some statements holds or does not, and each definition is one piece.
+    """Intervals of frames on which each of some statements holds or does not, and each definition is one piece.
 
-    A definition under range headers means between two frames what it means at the first of them, after its
-    jump where it has one.
+    Between two frames, a definition under range headers has the meaning of the first of them, after its jump if it has
+    one.
     """
     pieces = [piece.range for several in problem.definitions.values() for piece in several]
     cuts = {0, problem.n} | {k for r in relations for k in (r.range.first, r.range.last)}
@@ -82,13 +83,13 @@ def named_cuts(problem: Problem) -> list[int]:
 
 
 def _difference(problem: Problem, relation: Relation, first: int) -> Expr:
-    """An equation's left side less its right side, as it reads after frame ``first``."""
+    """The left side of an equation minus its right side, after frame ``first``."""
     body = relation.body if relation.lower is None else relation.body - relation.lower
     return resolved(problem, body, first)
 
 
 def resolved(problem: Problem, body: Expr, first: int) -> Expr:
-    """An expression as it reads between frame ``first`` and the next one.
+    """An expression as it applies between frame ``first`` and the next one.
 
     Ranged definitions become the piece that holds at that frame (the later of two; where it jumps, rather one
     that does not end there), variables lose the side of a jump.

@@ -1,18 +1,19 @@
-"""The walk from text to a saved solution: one public function per arrow.
+"""From the text of a spec to a saved solution: one public function per step.
 
     read_source -> parse -> elaborate -> transcribe -> solve -> Solution.save
 
-:class:`Model` strings them together and remembers what need not be done again: a changed constant that shapes
-nothing re-solves without parsing, differentiating or compiling.  :mod:`stc.origin` leads back from a solution to what
-it solves, :func:`stc.certification.certify` on to the verdict.
+:class:`Model` combines the steps and keeps their results: a spec with other values of constants is usually solved again
+without parsing, differentiating or compiling.  :mod:`stc.origin` finds the model of a solution, and
+:func:`stc.certification.certify` validates one.
 """
 
 from __future__ import annotations
 
+import gc
 import os
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -28,6 +29,7 @@ from stc.bundled import find_spec, is_solution, with_text
 from stc.collecting import collect
 from stc.deadline import within
 from stc.errors import Diagnostic, EndedError, Source, SpecError, UsageError
+from stc.in_notebook import in_notebook
 from stc.kept_transcriptions import KeptTranscriptions
 from stc.language import read_problem
 from stc.language.elaborate import elaborate
@@ -96,13 +98,16 @@ def read_source(spec: str | os.PathLike[str]) -> Source:
 
 
 class Model:
-    """A spec, ready to be solved with other numbers, methods and frame counts.
+    """A spec that can be solved with different constants, methods and frame counts.
 
-    Attributes:
-        source: the text and where it came from.
-        name: the spec's name.
-        warnings: what is allowed but odd in the last problem that was asked for, not in the same one on fewer frames;
-            empty before the first one.
+    Attributes
+    ----------
+    source
+        The text and where it came from.
+    name
+        The spec's name.
+    warnings
+        The warnings about the last problem that was requested; empty before the first one.
     """
 
     def __init__(self, source: Source, overrides: Mapping[str, float] | None = None) -> None:
@@ -116,8 +121,21 @@ class Model:
         self._transcriptions = KeptTranscriptions(self.tree)
         self._fewer: dict[tuple[Any, ...], FewerFrames | None] = {}  # of the last constants
 
+    def forget(self) -> None:
+        """Forget what earlier solves have planned: the next one ends as the first of a process does, to the last digit.
+
+        What an earlier solve has allocated and planned shows in the last digits of the next one, and so, where a motion
+        has several optima nearby, in which of them is found.  Derivatives and machine code are kept on disk and are not
+        made anew.
+        """
+        from stc.solver.kkt.reuse import forget
+
+        self._transcriptions, self._fewer = KeptTranscriptions(self.tree), {}
+        gc.collect()  # transcriptions refer to themselves, and give back their plans when they are collected
+        forget()
+
     def __reduce__(self) -> tuple[type[Model], tuple[Source, dict[str, float]]]:
-        """A copy, here or in another process, reads the text anew: compiled code stays where it is."""
+        """Copies, here or in another process, are made from the text; compiled code is not copied."""
         return Model, (self.source, self.overrides)
 
     def _parsed(self) -> SpecTree:
@@ -135,21 +153,24 @@ class Model:
 
     @property
     def text(self) -> str:
-        """The spec's whole text."""
+        """The whole text of the spec."""
         return self.source.text
 
     def problem(self, method: str | None = None, **constants: float) -> Problem:
-        """The continuous-time statement with its numbers.
+        """The problem in continuous time, with the values of its constants.
 
-        Raises:
-            SpecError: mistakes in the spec, all of them.
-            UsageError: an unknown constant or method.
+        Raises
+        ------
+        SpecError
+            Mistakes in the spec, all of them.
+        UsageError
+            An unknown constant or method.
         """
         _check_method(method)
         return self._transcriptions.problem(method, {**self.overrides, **numbers(constants)})
 
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
-        """The problem and its transcription, an earlier one where only numbers have changed."""
+        """The problem and its transcription; an earlier transcription is reused if only numbers have changed."""
         _check_method(method)
         problem, transcription = self._transcriptions.of(method, {**self.overrides, **numbers(constants)})
         self.warnings = tuple(problem.warnings)
@@ -163,13 +184,17 @@ class Model:
         time_limit: float | None = None,
         **overrides: float,
     ) -> ColdSolve:
-        """Derives, compiles and binds what a solve with these constants needs.
+        """Derive, compile and bind everything that a solve with these constants needs.
 
-        Args:
-            all: as for :meth:`solve`, which raises the same.
+        Parameters
+        ----------
+        all
+            As for :meth:`solve`, which raises the same.
 
-        Returns:
-            What is left to do: its ``run`` solves, as often as it is called, and returns the solver's result alone.
+        Returns
+        -------
+        ColdSolve
+            The prepared solve: each call of its ``run`` solves and returns the solver's result.
         """
         given = {**self.overrides, **overrides}
         problem, transcription = self.compiled(method, given, at_once=True)
@@ -186,7 +211,7 @@ class Model:
     def compiled(
         self, method: str | None, given: Mapping[str, float], at_once: bool = False
     ) -> tuple[Problem, Transcription]:
-        """The problem and its transcription, compiled if that is wanted ``at_once``, else as soon as it is worth it."""
+        """The problem and its transcription, compiled now if ``at_once``, otherwise as soon as compiling pays off."""
         problem, transcription = self.transcription(method, **given)
         transcription.provide_kernels(at_once)
         return problem, transcription
@@ -207,45 +232,66 @@ class Model:
         constants: Mapping[str, float] | None = None,
         **overrides: float,
     ) -> Solution:
-        """Solves the spec.
+        """Solve the spec.
 
-        Args:
-            method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping`` instead of the spec's own.
-            tolerance: of the optimality conditions, between 1e-14 and 1.
-            max_iterations: limit on iterations.
-            time_limit: limit in seconds of wall time, deriving and compiling included.
-            warm_start: an earlier solution or its file, whose multipliers and active set are used too; resampled
-                where the number of frames differs.
-            guess: values to start from by name, or a file of them (see :mod:`stc.guess_file`); what it does not name
-                keeps the spec's own guess. Several numbers are spread evenly over the motion, or stand where ``t``,
-                ``time`` or ``frame`` says.
-            callback: called with a record after every iteration; returning True stops the solve.
-            optimizer: ``sqp``, ``nlopt:slsqp``, ... instead of the project's own method, see docs/optimizers.md.
-            minimizer: called in the optimizer's stead, say to measure it (see :mod:`stc.studies.profile`).
-            fewer_first: a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`), unless it
-                starts from a solution.
-            constants: values of constants by name, for names that clash with the arguments above.
-            **overrides: values of constants, such as ``n=120`` or ``g=1.62``.
+        Parameters
+        ----------
+        method : str | None
+            ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping`` instead of the spec's own.
+        tolerance : float | None
+            Tolerance of the optimality conditions, between 1e-14 and 1.
+        max_iterations : int | None
+            Limit on iterations.
+        time_limit : float | None
+            Limit in seconds of wall time, including deriving and compiling.
+        warm_start : Solution | str | os.PathLike[str] | None
+            An earlier solution or its file, whose multipliers and active set are used too; resampled
+            if the number of frames differs.
+        guess
+            Values to start from by name, or a file of them (see :mod:`stc.guess_file`); variables that it does not
+            name keep the spec's guess. Arrays are spread evenly over the motion, or placed by an array ``t``, ``time``
+            (both in seconds) or ``frame``.
+        callback : Callback | None
+            Called with a record after every iteration; returning True stops the solve.  In a
+            notebook, a solve without a callback shows its progress.
+        optimizer : str
+            ``sqp`` (the default), ``nlopt:slsqp``, ...: see docs/optimizers.md.
+        minimizer : Minimizer | None
+            A function to call in place of the optimizer, for example to measure it (see
+            :mod:`stc.studies.profile`).
+        fewer_first : bool
+            Whether a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`),
+            unless it starts from a solution.
+        constants : Mapping[str, float] | None
+            Values of constants by name, for names that clash with the arguments above.
+        **overrides : float
+            Values of constants, such as ``n=120`` or ``g=1.62``.
 
-        Returns:
-            The solution, whatever its status; look at ``solution.status``.
+        Returns
+        -------
+        Solution
+            The solution, whatever its status is: read ``solution.status``.
 
-        Raises:
-            SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
-            EndedError: the time limit was reached before there was even a start.
-            UsageError: an unknown constant, method, optimizer or file, a tolerance or limit that cannot be meant, an
-                optimizer that cannot do it, or an earlier solution that shares no variable.
+        Raises
+        ------
+        SpecError, EvaluationError
+            Mistakes in the spec, or a start where a function is undefined.
+        EndedError
+            The time limit was reached before there was a starting point.
+        UsageError
+            An unknown constant, method, optimizer or file, an invalid tolerance or limit, a
+            problem that the optimizer cannot handle, or an earlier solution without a common variable.
         """
         options = given_options(tolerance, max_iterations, time_limit)
         unfinished.current = None
-        with within(options.time_limit):
+        with self._watched(callback) as watching, within(options.time_limit):
             try:
                 solution = self._solved(
                     options,
                     method,
                     warm_start,
                     guess,
-                    callback,
+                    watching,
                     optimizer,
                     minimizer,
                     fewer_first,
@@ -257,8 +303,18 @@ class Model:
         solution.origin = self
         return solution
 
+    def _watched(self, callback: Callback | None) -> AbstractContextManager[Callback | None]:
+        """A context that gives the callback of a solve: in a notebook, where there is none, one that shows progress."""
+        if callback is not None or not in_notebook():
+            return nullcontext(callback)
+        # By name: nothing here is imported from the layers above.
+        shown: AbstractContextManager[Callback | None] = import_module("stc.notebook_progress").solving(
+            self.name
+        )
+        return shown
+
     def _ended(self, ended: EndedError) -> Solution:
-        """What there is where a solve was ended before it had begun: its start, if that is known or can be had.
+        """The result of a solve that was ended before it had begun: its start, if that is known or can be computed.
 
         Raises:
             EndedError: it cannot.
@@ -281,7 +337,7 @@ class Model:
         fewer_first: bool,
         constants: Mapping[str, float],
     ) -> Solution:
-        """What :meth:`solve` does within its time limit; arguments as there."""
+        """The part of :meth:`solve` within its time limit; same arguments."""
         begin, worked = time.perf_counter(), time.thread_time()
         parse_seconds, self._parse_seconds = self._parse_seconds, 0.0  # counts for the first solve only
         if callback is not None and not callable(callback):
@@ -326,7 +382,7 @@ class Model:
     def on_fewer_frames(
         self, problem: Problem, given: Mapping[str, float], fineness: Fineness
     ) -> FewerFrames | None:
-        """The same motion on fewer frames, if the spec offers it; the last answers are remembered."""
+        """The same motion on fewer frames, if the spec allows it; the last results are kept."""
         numbers = tuple(sorted(problem.constants.items()))
         key = problem.method, fineness, numbers
         if key not in self._fewer:
@@ -344,7 +400,7 @@ class Model:
         """The motion at an iterate, for whoever looks on: to be called from the callback of :meth:`solve`.
 
         Args:
-            record: what the callback was told.
+            record: the record passed to the callback.
             method, constants: those of the solve.
 
         Returns:
@@ -365,7 +421,7 @@ class Model:
         transcription: Transcription,
         problem: Problem,
     ) -> Start:
-        """Where to start from an earlier solution; with multipliers where it was optimal.
+        """The start at an earlier solution; with its multipliers if it is optimal.
 
         Raises:
             UsageError: it is another spec's and has none of the problem's variables.
@@ -387,7 +443,7 @@ class Model:
         Args:
             earlier: the solution to start from.
             transcription, problem: to be solved.
-            before: the problem that was, where it is at hand.
+            before: the earlier problem, if it is available.
         """
 
         def solved() -> Problem:
@@ -403,21 +459,32 @@ class Model:
 
 
 def _check_method(method: object) -> None:
-    """Refuse a transcription that does not exist."""
+    """Refuse an unknown transcription."""
     if method is not None and method not in tuple(METHODS):
         raise UsageError(f"unknown method {method!r}", f"the methods are {', '.join(METHODS)}")
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:
-    """Reads and parses a spec: a path, a bundled name or the text itself.
+    """Read and parse a spec.
 
-    Args:
-        spec: what to read.
-        **constants: values of constants that hold for every solve of this model.
+    Parameters
+    ----------
+    spec : str | os.PathLike[str]
+        A path, a bundled name or the text itself.
+    **constants : float
+        Values of constants for every solve of this model, in the units of the spec.
 
-    Raises:
-        SpecError: mistakes in the syntax.
-        UsageError: no such spec.
+    Returns
+    -------
+    Model
+        The model, which can be solved.
+
+    Raises
+    ------
+    SpecError
+        Mistakes in the syntax.
+    UsageError
+        No such spec.
     """
     return Model(read_source(spec), constants)
 

@@ -1,4 +1,4 @@
-"""The continuous-time statement of a problem: what a spec says, before any transcription.
+"""The problem of a spec in continuous time, before transcription.
 
 Elaboration (:mod:`stc.language.elaborate`) makes a :class:`Problem` from a syntax tree; transcription
 (:mod:`stc.transcription`) turns it into a nonlinear program.  Expressions are :class:`stc.symbolic.expr.Expr`
@@ -98,7 +98,7 @@ class TimeRef:
 
 @dataclass(frozen=True, slots=True)
 class IndexRef:
-    """``i``: the index of the frame the statement stands on (a half at a midpoint)."""
+    """``i``: the index of the frame at which a statement is evaluated (k + 1/2 at the midpoint after frame k)."""
 
     def __str__(self) -> str:
         return "i"
@@ -157,7 +157,7 @@ class Relation:
     ``coordinate`` is the variable whose equation of motion it is.  ``between`` is held against the bounds between the
     nodes where the body has unknowns that mean nothing there (``Problem.at_nodes``).
     ``on_frames`` leaves out the midpoints between the frames.
-    ``complementary`` marks the product of what the two relations just before it have to spare, as
+    ``complementary`` marks the product of the slacks of the two relations before it, as
     ``0 <= a complements b >= 0`` states it: at most 0.
     """
 
@@ -235,10 +235,10 @@ class Rotation:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """What is added to the links of some variables on the steps from one frame to another.
+    """Terms that relax the links of some variables on the steps from one frame to another.
 
-    Where functions of positions or velocities are rows at every frame, the links of these would be as many rows too
-    many.  Each such function brings an unknown of the step, and along its gradient the links give way by that much.
+    If functions of positions or velocities are constrained at every frame, there are more rows than unknowns.  Each
+    such function adds an unknown of the step, which relaxes the links along the gradient of the function.
 
     Attributes:
         range: the first and the last frame of the steps.
@@ -254,13 +254,13 @@ class Correction:
 
 @dataclass(frozen=True, slots=True)
 class Fixture:
-    """What of a model is held over some frames: the guess is brought there.
+    """A constraint of a model that holds over some frames, which the guess should satisfy.
 
     Attributes:
         range: the frames.
-        reference: the frame whose guess says where that is, where nothing else does.
-        places: what is 0, functions of the configuration; what refers to the frame after it means any of the frames,
-            and what refers to the frame itself the reference.
+        reference: the frame whose guess gives the place, if nothing else does.
+        places: functions of the configuration that are 0; references to the next frame mean any of the frames, and
+            references to the frame itself mean the reference.
         rates: their derivatives as functions of configuration and velocities.
     """
 
@@ -285,11 +285,11 @@ class FreeContact:
     """A contact whose frames are left to the solver.
 
     Attributes:
-        gaps: the distance of what touches from the surface, of a sole those of its corners.
+        gaps: the distance of the contact point from the surface; for a sole those of its corners.
         pressure: the force of the surface along its normal.
-        slip: the velocities of what touches along the surface, and of a sole its turning there.
-        weight: of the whole model, in N: what forces are large beside.
-        span: where the spec leaves it to the solver.
+        slip: the velocities of the contact point along the surface, and for a sole its angular velocity.
+        weight: weight of the whole model in N, the scale of forces.
+        span: the position of its ``free:`` line.
     """
 
     name: str
@@ -305,15 +305,15 @@ class Problem:
     """A spec with its numbers: everything that transcription needs.
 
     ``constants`` holds the value of each constant (overrides applied).  ``structural`` names the constants
-    whose values shaped this object (ranges, indices, exponents): changing one of those means elaborating
-    again, changing any other does not.  ``step`` is the time from a frame to the next, in constants,
-    parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is where it is declared, and
-    ``model_span`` where the model is named.
-    ``rotations`` are the orientations among the variables.  ``of_model`` tells whether a model has brought the
-    equations of motion, ``left_out`` which kinds of its forces the spec leaves out knowingly; for the guess,
-    ``fixtures`` are what it holds, and ``root`` the variables by which it moves as a whole.
-    ``relaxation`` is the constant by which products may differ from the zero that they are meant to be, of gaps and the
-    forces that close them; empty where there are none.  It is brought down to its value in several solves.
+    whose values determine this object (ranges, indices, exponents): changing one of those requires a new elaboration,
+    changing any other does not.  ``step`` is the time from a frame to the next, in constants,
+    parameters, ``i`` and possibly ``DefinitionRef("h")``; ``step_span`` is the place of its declaration,
+    ``model_span`` that of the model's name. ``rotations`` are the orientations among the variables.  ``of_model`` says
+    whether the equations of motion come from a model, ``left_out`` lists the kinds of its forces that the spec leaves
+    out, ``additions`` what the spec adds to the model; for the guess, ``fixtures`` are the constraints it should
+    satisfy, and ``root`` the variables that move the
+    model as a whole. ``relaxation`` is the constant that bounds the products of gaps and contact forces, which should
+    be zero; empty if there are none.  Several solves reduce it to its value.
     ``free_contacts`` are those that have such products.
     ``at_nodes`` are variables that are chosen node by node, without a course in time: the directions of distances.
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
@@ -346,6 +346,7 @@ class Problem:
     rotations: Sequence[Rotation] = ()
     of_model: bool = False
     left_out: Sequence[str] = ()
+    additions: Sequence[str] = ()
     relaxation: str = ""
     free_contacts: Sequence[FreeContact] = ()
     at_nodes: Sequence[str] = ()

@@ -68,15 +68,16 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session")
 def _solutions() -> dict[object, Solution]:
-    """What was solved in this session."""
+    """The solutions of this session."""
     return {}
 
 
 @pytest.fixture
 def solve_spec(request: pytest.FixtureRequest, _solutions: dict[object, Solution]) -> Callable[..., Solution]:
-    """A function that solves a spec, or remembers that it has: ``solve_spec("reach.stc", g=1.62)``.
+    """A function that solves a spec, or returns an earlier solution of it from this session: ``solve_spec("reach.stc",
+    g=1.62)``.
 
-    It takes what :func:`stc.testing.assert_solves` takes.
+    Its arguments are those of :func:`stc.testing.assert_solves`.
     """
 
     def solved(spec: str | os.PathLike[str], **options: Any) -> Solution:

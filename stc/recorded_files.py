@@ -1,17 +1,19 @@
-"""What a solution depends on besides its text: the files of its model, with their hashes and, where small, contents.
+"""The files of a solution's model, with their hashes and, if small, their contents.
 
-A verdict is about one body. Whoever gets a solution file can tell by these records whether the model that lies beside
-it is that body, and where none lies there, have the one that the file carries.
+A verdict is about one model.  With these records a reader of a solution file can check whether the model beside it is
+the right one and, if there is none, use the stored one.
 """
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
 from stc.records import dataclass
+from stc.urdf import mesh_files
 
 #: The text of a model and of what it includes is carried whole up to so many bytes, other files up to the second
 #: number; larger ones by their hashes alone.
@@ -69,7 +71,7 @@ def record(model: Path) -> list[RecordedFile]:
 
 
 def changed(files: Sequence[RecordedFile], model: Path) -> list[str]:
-    """The paths of recorded files that are missing, or not the same any more, where the model's file is now."""
+    """The paths of recorded files that are missing or have changed in the present folder of the model's file."""
     found = []
     for file in files:
         path = model if file.role == "model" else model.parent / file.path
@@ -87,14 +89,14 @@ _unpacked: dict[tuple[str, ...], Path] = {}
 
 
 def present(files: Sequence[RecordedFile], places: Iterable[Path]) -> Path | None:
-    """The first of some places where the model's own file is, and it and its parts are the recorded ones."""
+    """The first of some places at which the model's own file exists and all files are the recorded ones."""
     return next((place for place in places if place.is_file() and not changed(files, place)), None)
 
 
 def unpacked(files: Sequence[RecordedFile]) -> Path | None:
-    """The path of a model written out from what is carried, in a folder that goes when the process ends.
+    """The path of a model written from the stored files, in a folder that is removed when the process ends.
 
-    None where something of it is not carried, or would lie outside of that folder.
+    None if a file is not stored, or would be outside of that folder.
     """
     import atexit
     from shutil import rmtree
@@ -133,7 +135,15 @@ def _files(model: Path) -> Iterator[tuple[str, str]]:
                 text = _COMMENT.sub(b"", (model.parent / path).read_bytes())
             except (OSError, ValueError):
                 continue
-            pending += [("part", named) for named in _named(text)]
+            if path.endswith(".urdf"):
+                pending += [("part", _beside(mesh, model.parent)) for mesh in mesh_files(model.parent / path)]
+            else:
+                pending += [("part", named) for named in _named(text)]
+
+
+def _beside(path: Path, folder: Path) -> str:
+    """A path relative to a folder, as files of a model are recorded."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
 def _is_text(role: str, path: str) -> bool:

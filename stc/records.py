@@ -1,11 +1,10 @@
-"""Data classes whose methods are made when they are first called.
+"""Data classes whose methods are generated when they are first called.
 
-``dataclass`` is that of the standard library for the classes of this package, with the same meaning: fields,
+``dataclass`` replaces that of the standard library for the classes of this package, with the same meaning: fields,
 ``field``, ``replace``, ``asdict``, pickling and pattern matching work alike.  The standard library generates and
-compiles up to seven methods of each class when its module is imported, 0.3 ms a class, which for the hundred classes
-that a solve imports took as long as a small solve itself.  Here all classes have the same methods at first, which look
-for the class that they are called for, and replace themselves by methods of its own.  Most are never called, nor are
-most classes' fields looked at.
+compiles up to seven methods of each class when its module is imported, which takes 0.3 ms a class; for the hundred
+classes that a solve imports this took as long as a small solve.  Here all classes share the same methods at first,
+which generate the class's own methods when they are called.  Most are never called.
 """
 
 from __future__ import annotations
@@ -162,7 +161,7 @@ def _put(cls: type, name: str, real: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _compared(cls: type) -> Callable[[Any], tuple[Any, ...]]:
-    """What gives the fields of an object that count when it is compared."""
+    """A function that returns the fields of an object that count in comparisons."""
     names = [f.name for f in _fields_of(cls).values() if f.compare]
     if len(names) > 1:
         return attrgetter(*names)
@@ -227,7 +226,7 @@ def _restore(self: Any, state: list[Any]) -> None:
 
 
 class _Constructor:
-    """What the shared constructor does for a class; it reads a table where a generated one would have been compiled.
+    """The shared constructor's steps for a class, as a table instead of generated and compiled code.
 
     Attributes:
         calls: how often it has been called.
@@ -248,7 +247,7 @@ class _Constructor:
         self.has_more = hasattr(cls, "__post_init__")
 
     def construct(self, instance: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> None:
-        """``__init__``; where it is called often, or wrongly, it is replaced."""
+        """``__init__``; it is replaced if it is called often, or with wrong arguments."""
         self.calls += 1
         if self.calls > _OFTEN or not self.ordinary or len(args) > len(self.plain):
             return self._generate(instance, args, kwargs)

@@ -1,10 +1,9 @@
-"""Products that are meant to be zero, brought down to it in several solves.
+"""Products that should be zero, reduced to zero in several solves.
 
-Of a gap and the force that closes it one is zero.  Where their product is a row no point has room on all sides, and
-Newton's method has nothing to hold on to: the motion stays in the order of contacts that it was guessed in.  So the
-product may be as large as a constant, large enough at first for forces to act at a distance, and is solved for smaller
-and smaller values, each from the one before (Scholtes 2001).  What the early ones find is a start and no result: they
-get few iterations.
+Either a gap or its contact force is zero.  If their product is constrained to zero, the feasible set has no interior,
+and Newton's method cannot change the order of contacts of the guess.  The product is therefore bounded by a constant,
+at first large enough for forces to act at a distance, which is reduced from solve to solve (Scholtes 2001).  The early
+solutions are only starts for the next, and get few iterations.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ Solve = Callable[[float, Options, Start | None], Result]
 
 
 def values(last: float) -> Iterator[float]:
-    """The values of the constant in turn, ending with ``last``."""
+    """The values of the constant in order, ending with ``last``."""
     value = FIRST
     while value * FACTOR > last:
         yield value
@@ -40,24 +39,25 @@ def values(last: float) -> Iterator[float]:
 
 
 def brought_down(solve: Solve, last: float, options: Options, start: Start | None) -> Result:
-    """Solve for smaller and smaller values of the constant.
+    """Solve for decreasing values of the constant.
 
     Parameters
     ----------
     solve
         Solves for a value, from a start or from the guess.
     last
-        The value that is wanted.
+        The final value.
     options
-        Of all solves together.
+        Options for all solves together.
     start
-        Where to begin.  One with multipliers is the solution of a neighbour: it leads to the last value at once.
+        The start.  A start with multipliers is the solution of a similar problem, and is solved for the last value
+        directly.
 
     Returns
     -------
     Result
-        For the last value, iterations and factorisations of all solves counted; where a limit was reached before it,
-        the point so far with what it violates.
+        The result for the last value, with the iterations and factorisations of all solves; if a limit was reached
+        before it, the point so far with its violation.
     """
     known = start is not None and start.row_multipliers is not None
     found: Result | None = None

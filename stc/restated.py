@@ -1,7 +1,7 @@
-"""A saved motion, stated again: from a file's text, constants and unknowns to the solution that they mean.
+"""From a solution file to a solution: the problem is built again from the text, constants and unknowns in the file.
 
-A file holds what was unknown, once.  Times, derivatives, what drives the replay, and where a multiplier belongs are
-evaluated here from the spec's own text, so that nothing in a file can say otherwise.
+A file stores the unknowns once.  Times, derivatives, the inputs of the replay and the positions of multipliers are
+computed here from the spec's own text, so that the file cannot contradict them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _Key = tuple[str, tuple[tuple[str, float], ...], str, tuple[str, ...]]
 
 @dataclass
 class _Restated:
-    """A problem that was read again from a text, and what it states, once somebody has asked for that."""
+    """A problem read again from its text, with its statements, which are computed when they are first used."""
 
     key: _Key
     problem: Problem
@@ -48,11 +48,11 @@ _last: list[_Restated] = []
 
 
 def source_of(solution: Solution, beside: Path | None = None) -> Source:
-    """The spec's text that a solution carries, as it would be read from its folder.
+    """The text of a solution's spec, as if it were read from its folder.
 
     Args:
         solution: any.
-        beside: folder of the solution's file, where the spec's own is not known or has not the model that is here.
+        beside: folder of the solution's file, if the spec's folder is not known or does not contain the same model.
     """
     folder = Path(solution.directory) if solution.directory else beside
     if folder is not None and beside is not None and solution.model is not None:
@@ -71,11 +71,11 @@ def _source(
 
 
 def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None:
-    """The file of the model that a motion was solved for: where its text would look for it, if that is still the same
-    one, else what the solution carries; None where neither is to be had, and the text has to find what it can.
+    """The file of the model that a motion was solved for: the file at the place in the text if it is unchanged, else
+    the stored one; None if there is neither.
 
-    What a motion means does not depend on what has become of the model's file.  Whether a verdict is about that file is
-    judged elsewhere, by its hash (:mod:`stc.validate.setup`).
+    The meaning of a motion does not depend on later changes of the model's file.  :mod:`stc.validate.setup` checks by
+    its hash whether a verdict is about that file.
     """
     if not files:
         return None
@@ -91,16 +91,16 @@ def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None
     from stc.validate.ordinary import refusal
 
     if why := refusal(carried):
-        raise SolutionError(f"the model that it carries is refused: {why}")
+        raise SolutionError(f"the model in the file is refused: {why}")
     return carried
 
 
 def problem_of(solution: Solution) -> Problem:
-    """The problem that a solution solves, read anew from the text that it carries.
+    """The problem of a solution, built from the text in it.
 
     Raises:
         SpecError: the text is not a spec.
-        UsageError: it has not the constants that were given.
+        UsageError: a constant in the solution's overrides is not declared in the text.
     """
     key = _key(solution.source, solution.overrides, solution.method, [*solution.files, *solution.data])
     if not _last or _last[0].key != key:
@@ -110,7 +110,7 @@ def problem_of(solution: Solution) -> Problem:
 
 
 def stated_again(solution: Solution) -> Stated:
-    """The problem that a solution solves, on its frames, from the text that it carries.
+    """The problem of a solution on its frames, built from the text in it.
 
     Raises:
         SpecError, UsageError: as :func:`problem_of`.
@@ -178,7 +178,7 @@ _WORDS = ("name", "source", "directory", "method", "status", "message", "optimiz
 
 
 def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
-    """The solution that a file means; ``beside`` is the file's folder.
+    """The solution of a file; ``beside`` is the file's folder.
 
     Raises:
         SolutionError: the file contradicts itself or its own text.
@@ -188,7 +188,7 @@ def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
     plain: dict[str, Any] = {key: facts[key] for key in PLAIN_FACTS}
     for key in _WORDS:
         if not isinstance(plain[key], str):
-            raise TypeError(f"{key} is no text")
+            raise TypeError(f"{key} is not text")
     if plain["sha256"] != sha256(plain["source"].encode()).hexdigest():
         raise SolutionError("the spec's text does not match its hash: the file was altered")
     files = files_of(stored)
@@ -197,14 +197,14 @@ def solution_of(stored: Stored, beside: Path | None = None) -> Solution:
     stated = _stated(plain, stored, files, data, beside)
     read = {each.file.path for each in stated.problem.data.values() if each.file is not None}
     if read != {file.path for file in data}:
-        raise SolutionError("the file was altered: it carries other data than its text reads")
+        raise SolutionError("the file was altered: it contains other data than its text reads")
     x = _unknowns(stated, stored)
     if plain["status"] == "optimal" and not np.isfinite(x).all():
         raise SolutionError("the file was altered: an optimal solution has no numbers that are not finite")
     y, z = _multipliers(stated, stored)
     if unknown := set(stored.members) - stored.used:
         raise SolutionError(
-            f"the file was altered: it holds {min(unknown)}, which is nothing of this solution"
+            f"the file was altered: it holds {min(unknown)}, which does not belong to this solution"
         )
     model = Path(stated.problem.model or "").name
     if files and files[0].path not in (model, f"{model}.xml"):
@@ -238,11 +238,11 @@ def _stated(
         problem = elaborate(parse(source), overrides, plain["method"])
         n = int(stored.facts["n"])
         if problem.n != n:
-            raise SolutionError(f"the file was altered: it tells of {n} steps, its text of {problem.n}")
+            raise SolutionError(f"the file was altered: it states {n} steps, its text {problem.n}")
         for unknown in stored.facts["unknowns"]:
             found = len(stored.vector(f"unknowns/{unknown['name']}")) - 1
             if found != n:
-                raise SolutionError(f"the file was altered: it tells of {n} steps and has {found}")
+                raise SolutionError(f"the file was altered: it states {n} steps and has {found}")
         stated = state(problem)
         key = _key(plain["source"], overrides, plain["method"], [*files, *data])
         _last[:] = [_Restated(key, problem, stated)]
@@ -253,8 +253,8 @@ def _stated(
         reason = str(error).splitlines()[0]
         missing = [file.path for file in files if file.content is None]
         if missing and source.model_file is None:
-            reason += f" (of its model the file carries all but {', '.join(missing[:3])})"
-        raise SolutionError(f"its text states no motion that this version can read: {reason}") from None
+            reason += f" (of its model the file contains all but {', '.join(missing[:3])})"
+        raise SolutionError(f"this version cannot read its text: {reason}") from None
 
 
 def _unknowns(stated: Stated, stored: Stored) -> FloatArray:

@@ -1,7 +1,6 @@
 """Whether two problems state the same motion on different numbers of frames.
 
-Every frame that a statement names, the time at every one of them, and the weights of the objective have to be the
-same in both.
+The frames that statements name, the times at these frames, and the weights of the objective must be the same in both.
 """
 
 from __future__ import annotations
@@ -18,20 +17,20 @@ __all__ = ["BESIDE", "check_same_motion", "takes_longer"]
 
 FloatArray = NDArray[np.float64]
 Knots = NDArray[np.int_] | FloatArray
-"""Frames of the one motion and of the other that are each other's, (k,) each and rising, with both ends."""
+"""Corresponding frames of two motions, (k,) each, ascending, with both ends."""
 
 BESIDE = 1
-"""A frame number may stand this many frames beside one that scales: n/2 + 1, a - 1."""
+"""Largest offset of a frame number from one that scales with n, as in n/2 + 1 or a - 1."""
 CLOSE = 1e-9
 TRIALS = (1.0, 1.7)
 """Values of all parameters at which durations are compared."""
 
 
 def check_same_motion(problem: Problem, other: Problem, old: Knots, new: Knots) -> float:
-    """Frames and the objective's weights; :func:`takes_longer` compares the times.
+    """Compare the named frames and the objective's weights; :func:`takes_longer` compares the times.
 
     Returns:
-        How many times as large the other problem's objective is: 1 but for plain sums over frames.
+        The ratio of the other problem's objective to this one: 1 except for plain sums over frames.
 
     Raises:
         UsageError: the other problem does not state the same motion; the message says where.
@@ -52,7 +51,7 @@ def check_same_motion(problem: Problem, other: Problem, old: Knots, new: Knots) 
 
 
 def takes_longer(problem: Problem, other: Problem, old: Knots, new: Knots) -> bool:
-    """Whether the ends, or a frame where another definition or statement begins, come at another time."""
+    """Whether the last frame, or a frame at which another definition or statement begins, has a different time."""
     cuts = np.array(sorted({first for first, _ in stretches(problem, problem.relations)}))
     cuts = np.append(cuts, problem.n)
     for trial in TRIALS:
@@ -64,7 +63,7 @@ def takes_longer(problem: Problem, other: Problem, old: Knots, new: Knots) -> bo
 
 
 def _scales(frame: float, other: float, old: Knots, new: Knots) -> bool:
-    """Whether a frame went where the ends take it, or stays this far beside such a one."""
+    """Whether a frame keeps its share of the motion, or a fixed distance from such a frame."""
     for beside in range(-BESIDE, BESIDE + 1):
         at = frame - beside
         if old[0] <= at <= old[-1] and abs(np.interp(at, old, new) + beside - other) <= CLOSE * old[-1]:
@@ -85,7 +84,7 @@ def frame_times(problem: Problem, trial: float) -> FloatArray:
 
 
 def _check_objective(coarse: Problem, fine: Problem, old: Knots, new: Knots) -> float:
-    """Plain sums over frames have to weigh as before against everything else in the objective.
+    """Check that plain sums over frames have the same weight relative to the rest of the objective.
 
     Raises:
         UsageError: one does not.
@@ -109,13 +108,13 @@ def _check_objective(coarse: Problem, fine: Problem, old: Knots, new: Knots) -> 
 
 
 def is_of_parameters(term: ObjectiveTerm) -> bool:
-    """Whether a plain term adds up one number, made of parameters alone, once per frame of several."""
+    """Whether a plain term adds the same number, made of parameters alone, for several frames."""
     several = not term.integral and term.range.first < term.range.last
     return several and all(isinstance(key, ConstantRef | ParameterRef) for key in symbols(term.body))
 
 
 def growing_sum(term: ObjectiveTerm) -> UsageError:
-    """What to raise for a plain sum over frames that makes another objective of it on more frames."""
+    """The error for a plain sum over frames, which changes the objective with the number of frames."""
     return UsageError(
         f"{term.span.location}: a plain sum over frames grows with n, so that the objective would be another one",
         instead_of_sum(term),
@@ -123,7 +122,7 @@ def growing_sum(term: ObjectiveTerm) -> UsageError:
 
 
 def instead_of_sum(term: ObjectiveTerm) -> str:
-    """What to write for a plain sum over frames that is not to grow with n."""
+    """A replacement for a plain sum over frames that does not grow with n."""
     text = render(term.body) if "integral" in term.text else term.text  # of a statement with both, the sum
     if is_of_parameters(term):  # the integral of a duration is its square
         return f"write `[0]: {text};`, which counts it once"
@@ -131,7 +130,7 @@ def instead_of_sum(term: ObjectiveTerm) -> str:
 
 
 def _sum(problem: Problem, body: Expr, first: int, last: int) -> float:
-    """A term's sum over its frames where every variable has a fixed value of its own."""
+    """The sum of a term over its frames with a fixed value for every variable."""
     values: dict[object, object] = {ConstantRef(name): value for name, value in problem.constants.items()}
     values.update({ParameterRef(name): 1.3 for name in problem.parameters})
     total = 0.0

@@ -1,8 +1,8 @@
-"""From contacts that the solver has found to a schedule: the same spec with ranges of frames in place of ``free:``.
+"""From the contacts that a solve found to a schedule: the same spec with ranges of frames in place of ``free:``.
 
-Time steps find in which order contacts come and go, roughly.  A schedule states it, is solved to the full order of its
-method, and is judged by MuJoCo as any other.  The motion that was found goes along as a table of poses, from which the
-new spec starts.
+Time stepping finds the order of contacts, roughly.  A schedule states it as ranges, is solved to the full order of its
+method, and is validated like any other motion.  The motion that was found is written as a table of poses, from which
+the new spec starts.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from stc.symbolic.expr import ZERO, symbols
 __all__ = ["found_ranges", "write_schedule"]
 
 Range = tuple[int, int, str]
-"""First and last frame, and which way the contact slides there; nothing where it stands."""
+"""First and last frame, and the direction in which the contact slides; empty if it stands."""
 
 #: A contact stands where it bears this share of the weight.
 BEARS = 1e-2
@@ -54,7 +54,7 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
     Raises
     ------
     UsageError
-        Its spec has none, or one of them slides in space, which no schedule can state.
+        Its spec has none, or one of them slides in three dimensions, which no schedule can state.
     """
     stated = stated_again(solution)
     contacts = stated.problem.free_contacts
@@ -87,7 +87,7 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
 
 
 def _slides(speed: NDArray[np.float64], first: int, last: int) -> Iterator[Range]:
-    """A stance in parts: where it stands, and where it slides which way, at rest at the first and the last frame."""
+    """A stance divided into parts that stand and parts that slide, with their direction."""
     ways = np.where(np.abs(speed) > SLOWLY, np.sign(speed), 0.0)
     reached = first
     moves = [
@@ -106,7 +106,7 @@ def _slides(speed: NDArray[np.float64], first: int, last: int) -> Iterator[Range
 
 
 def _stances(bears: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Stretches of frames on which a contact bears something, without gaps that are too short to be flights."""
+    """Intervals of frames on which a contact carries load, without gaps that are too short to be flights."""
     found: list[tuple[int, int]] = []
     for first, end in stretches_of(bears):
         if found and first - found[-1][1] <= SHORTEST_FLIGHT:
@@ -117,7 +117,7 @@ def _stances(bears: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _text(solution: Solution, ranges: Mapping[str, Sequence[Range]], table: str) -> str:
-    """The spec with ranges in place of what is under ``free:``, and a guess from the poses in a file."""
+    """The spec with ranges in place of ``free:``, and a guess from the poses in a file."""
     tree = parse(source_of(solution))
     text = tree.source.text
     for block in reversed([block for block in tree.blocks("contact") if block.free]):
@@ -138,7 +138,7 @@ def _text(solution: Solution, ranges: Mapping[str, Sequence[Range]], table: str)
 
 
 def _header(first: int, last: int, n: int) -> str:
-    """A range that means the same share of the motion on as many frames, twice as many and so on."""
+    """A range as shares of n, so that it keeps its meaning with more frames."""
 
     def frame(k: int) -> str:
         return "0" if k == 0 else "n" if k == n else f"{k}*n/{n}"
@@ -169,17 +169,17 @@ def _poses(solution: Solution) -> Iterator[list[str]]:
 
 
 def write_schedule(solution: Solution, path: Path) -> tuple[dict[str, list[Range]], Path]:
-    """Write the spec with a schedule, and beside it a table of the poses that it starts from.
+    """Write the spec with a schedule, and beside it a table of the poses from which it starts.
 
     Returns
     -------
     dict, Path
-        What :func:`found_ranges` tells, which the spec states, and the file of the table.
+        The ranges of :func:`found_ranges`, and the file of the table.
 
     Raises
     ------
     UsageError
-        As :func:`found_ranges`; or what is written would be no spec there.
+        As :func:`found_ranges`; or the written text would not be a valid spec at that place.
     """
     ranges, table = found_ranges(solution), path.with_suffix(".csv")
     text = _text(solution, ranges, table.name)

@@ -1,8 +1,8 @@
-"""The result of a solve: everything needed to look at it, replay it, resample it or solve on from it.
+"""The result of a solve: a :class:`Solution` can be inspected, replayed, resampled and used as a starting point.
 
-A :class:`Solution` stands alone: it knows its spec's text, the numbers that were put in, the node values of
-every variable and derivative, the multipliers, and what a simulator must be told to replay it.  It holds
-numbers only and no expressions; whoever solves evaluates those and constructs one of these.
+A :class:`Solution` is complete: it contains the text of its spec, the constants, the node values of every variable and
+derivative, the multipliers, and the inputs of a replay.  It holds numbers only and no expressions.
+
 :meth:`Solution.save` and :func:`read` keep it in a file (see :mod:`stc.solution_file` for the layout).
 """
 
@@ -37,7 +37,7 @@ STATUSES = (
 
 
 class UnknownNameError(StcError, KeyError):
-    """A name that the solution does not have; the message offers the nearest one."""
+    """A name that the solution does not have; the message suggests the closest one."""
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -47,12 +47,18 @@ class UnknownNameError(StcError, KeyError):
 class ReplayChannel:
     """One line of the spec's ``replay:`` section with its expression evaluated at the nodes.
 
-    Attributes:
-        kind: ``joint``, ``actuator``, ``apply``, ``contact``, ``compare`` or ``set``.
-        path: the dotted name on the left of the line, such as ``("body", "particle", "mass")``.
-        value: node values.
-        rate: node values of the first time derivative (joints: the velocity), where it is known.
-        acceleration: node values of the second time derivative, where it is known.
+    Attributes
+    ----------
+    kind : str
+        ``joint``, ``actuator``, ``apply``, ``contact``, ``compare`` or ``set``.
+    path : tuple[str, ...]
+        The dotted name on the left of the line, such as ``("body", "particle", "mass")``.
+    value : Channel
+        Node values.
+    rate : Channel | None
+        Node values of the first time derivative (joints: the velocity), where it is known.
+    acceleration : Channel | None
+        Node values of the second time derivative, where it is known.
     """
 
     kind: str
@@ -71,12 +77,18 @@ class ReplayChannel:
 class MultiplierBlock:
     """The multipliers of one statement of the spec, or of one link between a variable and its derivative.
 
-    Attributes:
-        kind: ``row`` (a constraint), ``link`` (a defect of the transcription) or ``bound``.
-        label: the statement's text, or for bounds and links the name with its primes.
-        nodes: (k,) frame index of each instance, a half more at midpoints.
-        sides: (k,) -1 for the value before a jump, 1 for the one after it, 0 where nothing jumps.
-        values: (k,) multipliers: positive where an upper bound holds the solution back, negative at a lower.
+    Attributes
+    ----------
+    kind : str
+        ``row`` (a constraint), ``link`` (a defect of the transcription) or ``bound``.
+    label : str
+        The statement's text, or for bounds and links the name with its primes.
+    nodes : FloatArray
+        (k,) frame index of each instance, a half more at midpoints.
+    sides : npt.NDArray[np.int8]
+        (k,) -1 for the value before a jump, 1 for the one after it, 0 where nothing jumps.
+    values : FloatArray
+        (k,) multipliers: positive where an upper bound holds the solution back, negative at a lower.
     """
 
     kind: str
@@ -92,54 +104,92 @@ def _no_numbers() -> FloatArray:
 
 @dataclass(slots=True, eq=False, kw_only=True, repr=False)
 class Solution:
-    """A motion: node values of a solved spec, with what led to them.
+    """A motion: the node values of a solved spec, and how they were found.
 
     Shapes are for n steps, that is n+1 frames; N unknowns and M rows are those of the nonlinear program.
 
-    Attributes:
-        name: name of the spec.
-        source: the spec's whole text.
-        directory: folder that the spec was read from (where its model is looked up), or "" if there is none.
-        constants: value of every constant, overrides applied.
-        overrides: the constants that were given from outside.
-        method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``.
-        time: (n+1,) time of each frame, in seconds.
-        trajectories: node values per (variable, order of the derivative); orders of one variable start at 0
-            and have no gap.  Under ``central`` a derivative whose stencil does not fit at a frame holds the
-            value of the nearest frame where it does.
-        derived: which of these are no unknowns but follow from others, besides all derivatives under ``central``: the
-            rates of quaternions.
-        parameters: value of every parameter.
-        status: how the solve ended, one of :data:`STATUSES`.
-        message: the same in words.
-        objective: value of the objective.
-        violation: largest violation of a row or bound, each divided by max(1, |bound|).
-        optimality: the first-order optimality error that the solver stopped with.
-        iterations: number of iterations.
-        factorizations: number of factorised KKT systems, inner loops included.
-        strategy: what the solver tried last, and found the answer by if there is one; empty in one read from a file.
-        optimizer: name of the method that found it.
-        seconds: wall time by stage (``parse``, ``derive``, ``compile``, ``solve``, ``total``), and ``processor``: what
-            of a processor's time it took, in the thread that solved.
-        x: (N,) the unknowns as the solver ordered them.
-        row_multipliers: (M,) multipliers of the rows in the solver's order.
-        bound_multipliers: (N,) multipliers of the bounds in the solver's order.
-        multipliers: the same multipliers by statement.
-        model: file name of the MuJoCo model as the spec writes it, or None.
-        replay: the evaluated ``replay:`` section.
-        force_frames: first and last frame at which the equations of motion hold, outside of which a replay
-            takes the nearest one's forces.  Where a spec was solved its equations tell; by default all of them, but
-            for ``central`` with second or higher derivatives the frames where the widest stencil fits.
-        files: what it depends on besides its text: the files of the model as they were. Empty until the solution is
-            saved; then :func:`read` gives them.
-        data: the data files that the spec reads, whole, as they were when it was solved.
-        outside: a sentence for each table that the motion uses outside of its numbers; computed.
-        sha256: hash of ``source`` (hexadecimal); computed.
-        stc_version: version of the program that made the solution.
-        origin: the :class:`stc.pipeline.Model` that made it; None for one that was read from a file.
+    Attributes
+    ----------
+    name : str
+        Name of the spec.
+    source : str
+        The spec's whole text.
+    directory : str
+        Folder that the spec was read from (where its model is looked up), or "" if there is none.
+    constants : Mapping[str, float]
+        Value of every constant, overrides applied.
+    overrides : Mapping[str, float]
+        The constants given by the caller.
+    method : str
+        ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``.
+    time : FloatArray
+        (n+1,) time of each frame, in seconds.
+    trajectories : Mapping[tuple[str, int], Channel]
+        Node values per (variable, order of the derivative); orders of one variable start at 0
+        and have no gap.  Under ``central`` a derivative whose stencil does not fit at a frame holds the
+        value of the nearest frame where it does.
+    derived : frozenset[tuple[str, int]]
+        The trajectories that are computed from others (the rates of quaternions), besides all derivatives
+        under ``central``.
+    parameters : Mapping[str, float]
+        Value of every parameter.
+    status : str
+        How the solve ended, one of :data:`STATUSES`.
+    message : str
+        The same in words.
+    objective : float
+        Value of the objective.
+    violation : float
+        Largest violation of a row or bound, each divided by max(1, |bound|).
+    optimality : float
+        The first-order optimality error that the solver stopped with.
+    iterations : int
+        Number of iterations.
+    factorizations : int
+        Number of factorised KKT systems, inner loops included.
+    strategy : str
+        The last strategy of the solver, which found the answer if there is one; empty after reading a file.
+    optimizer : str
+        Name of the optimizer.
+    seconds : Mapping[str, float]
+        Wall time by stage (``parse``, ``derive``, ``compile``, ``solve``, ``total``), and ``processor``: the
+        processor time of the thread that solved, both in seconds.
+    x : FloatArray
+        (N,) the unknowns as the solver ordered them.
+    row_multipliers : FloatArray
+        (M,) multipliers of the rows in the solver's order.
+    bound_multipliers : FloatArray
+        (N,) multipliers of the bounds in the solver's order.
+    multipliers : Sequence[MultiplierBlock]
+        The same multipliers by statement.
+    model : str | None
+        File name of the MuJoCo model as the spec writes it, or None.
+    additions : Sequence[str]
+        What the spec adds to the model, in words of :data:`stc.model_source.ADDITIONS`.
+    replay : Sequence[ReplayChannel]
+        The evaluated ``replay:`` section.
+    force_frames : tuple[int, int] | None
+        First and last frame at which the equations of motion hold; at other frames a replay uses the
+        forces of the nearest of them.  Found from the equations of the spec; by default all frames, and for
+        ``central`` with second or higher derivatives the frames where the widest stencil fits.
+    files : Sequence[RecordedFile]
+        The files of the model as they were when the motion was solved; empty until the solution is saved and
+        read by :func:`read`.
+    data : Sequence[RecordedFile]
+        The complete data files that the spec reads, as they were when it was solved.
+    outside : Sequence[str]
+        A note for each table that the motion uses outside of its numbers; computed.
+    sha256 : str
+        Hash of ``source`` (hexadecimal); computed.
+    stc_version : str
+        Version of stc that solved the motion.
+    origin : Any
+        The :class:`stc.pipeline.Model` that solved it; None after reading a file.
 
-    Raises:
-        SolutionError: shapes, method or status contradict each other.
+    Raises
+    ------
+    SolutionError
+        Shapes, method or status contradict each other.
     """
 
     name: str
@@ -165,6 +215,7 @@ class Solution:
     bound_multipliers: FloatArray = field(default_factory=_no_numbers)
     multipliers: Sequence[MultiplierBlock] = ()
     model: str | None = None
+    additions: Sequence[str] = ()
     replay: Sequence[ReplayChannel] = ()
     strategy: str = ""
     force_frames: tuple[int, int] | None = None
@@ -178,12 +229,12 @@ class Solution:
 
     @property
     def is_sketch(self) -> bool:
-        """Whether it is one in time steps, of first order, which tell in what order contacts come and go."""
+        """Whether the motion was found by time stepping, which is of first order and shows the order of contacts."""
         return self.method == "stepping"
 
     @property
     def unknowns(self) -> list[tuple[str, int]]:
-        """The keys of the trajectories that were unknown."""
+        """The keys of the trajectories that were unknowns of the program."""
         central = self.method == "central"
         return [key for key in self.trajectories if not (key in self.derived or (central and key[1]))]
 
@@ -217,9 +268,10 @@ class Solution:
             self.force_frames = self._frames_with_forces()
 
     def __getstate__(self) -> tuple[None, dict[str, Any]]:
-        """What a copy and another process get: all but the model, whose compiled code stays in this process.
+        """The state for a copy or another process: everything except the model, whose compiled code stays in this
+        process.
 
-        :meth:`resolve` reads the spec anew there, as for a solution from a file.
+        :meth:`resolve` reads the spec again there, as for a solution from a file.
         """
         kept = {name: getattr(self, name) for name in self.__dataclass_fields__}
         return None, {**kept, "origin": None}
@@ -264,16 +316,19 @@ class Solution:
 
     @property
     def names(self) -> list[str]:
-        """Everything that ``solution[name]`` answers: variables, their derivatives, parameters."""
+        """All names that ``solution[name]`` accepts: variables, their derivatives, parameters."""
         return [v + "'" * order for v, order in self.trajectories] + list(self.parameters)
 
     def __getitem__(self, name: str) -> Any:
-        """A parameter's value, or (n+1,) values of a variable or derivative (``"x''"``) at the frames.
+        """A parameter's value, or (n+1,) values of a variable or derivative (``"x''"``) at the frames, in the units of
+        the spec.
 
-        At a jump it is the value after it; see :attr:`before`.
+        At a jump this is the value after it; see :attr:`before`.
 
-        Raises:
-            UnknownNameError: the solution has no such name.
+        Raises
+        ------
+        UnknownNameError
+            The solution has no such name.
         """
         if name in self.parameters:
             return self.parameters[name]
@@ -283,10 +338,22 @@ class Solution:
         return name in self.parameters or _key(name) in self.trajectories
 
     def channel(self, name: str) -> Channel:
-        """All node values of a variable or derivative: both sides of every frame, and the midpoints.
+        """All node values of a variable or derivative: before and after every frame, and at the midpoints.
 
-        Raises:
-            UnknownNameError: the solution has no such name.
+        Parameters
+        ----------
+        name : str
+            Such as ``"x"`` or ``"x'"``.
+
+        Returns
+        -------
+        Channel
+            ``before`` and ``after``, (n+1,) each, and ``mid``, (n,) for hermite-simpson and otherwise None.
+
+        Raises
+        ------
+        UnknownNameError
+            The solution has no such name.
         """
         key = _key(name)
         if key in self.trajectories:
@@ -312,28 +379,36 @@ class Solution:
 
     @property
     def before(self) -> Mapping[str, FloatArray]:
-        """Values at the frames, (n+1,) each, as the step to the left sees them."""
+        """Values at the frames, (n+1,) each; at a jump, the value before it."""
         return _SideView(self, "before")
 
     @property
     def after(self) -> Mapping[str, FloatArray]:
-        """Values at the frames, (n+1,) each, as the step to the right sees them."""
+        """Values at the frames, (n+1,) each; at a jump, the value after it."""
         return _SideView(self, "after")
 
     def at(self, t: npt.ArrayLike, side: Side = "after") -> dict[str, Any]:
-        """The motion at any time, by the transcription's own polynomials (see :mod:`stc.trajectory`).
+        """The motion at any time, by the method's own polynomials (see :mod:`stc.trajectory`).
 
-        Args:
-            t: a time between the first frame's and the last one's, in seconds, or an array of them.
-            side: which value to take at a frame where the quantity jumps.
+        Parameters
+        ----------
+        t : npt.ArrayLike
+            A time within the motion, in seconds, or an array of times.
+        side : Side
+            ``"before"`` or ``"after"``: the value to take at a jump.
 
-        Returns:
-            For every variable, derivative and parameter its value: a float for a scalar ``t``, else an array
-            of the shape of ``t`` (parameters are floats always).
+        Returns
+        -------
+        dict[str, Any]
+            The value of every variable, derivative and parameter by name: a float for a scalar ``t``, otherwise an
+            array of the shape of ``t`` (parameters are always floats).
 
-        Raises:
-            UsageError: a time outside of the motion, or what is no number.
-            SolutionError: the times do not increase (a solve that failed with a free duration).
+        Raises
+        ------
+        UsageError
+            A time is outside of the motion, or not a number.
+        SolutionError
+            The times do not increase (a solve that failed with a free duration).
         """
         self.require_increasing_times()
         instants = _as_numbers(t, "a time is a number of seconds")
@@ -347,13 +422,27 @@ class Solution:
         return self._sample(where, instants.shape, side)
 
     def at_frame(self, index: npt.ArrayLike, side: Side = "after") -> dict[str, Any]:
-        """As :meth:`at`, with the place given as a frame index, fractions allowed (2.5: halfway in step 2).
+        """The motion at a frame index, which may be fractional (2.5: halfway in step 2).
 
-        This is how a motion is resampled to another number of frames: phases and jumps keep their share of
-        the frames even where the durations of the steps differ.
+        Use this to resample a motion to another number of frames: phases and jumps keep their share of the frames even
+        if the durations of the steps differ.
 
-        Raises:
-            UsageError: an index outside 0..n, or what is no number.
+        Parameters
+        ----------
+        index : npt.ArrayLike
+            Between 0 and n, or an array of such numbers.
+        side : Side
+            ``"before"`` or ``"after"``: the value to take at a jump.
+
+        Returns
+        -------
+        dict[str, Any]
+            As :meth:`at`.
+
+        Raises
+        ------
+        UsageError
+            An index outside 0..n, or not a number.
         """
         indices = _as_numbers(index, "a frame is given by its index")
         flat = indices.reshape(-1)
@@ -385,7 +474,7 @@ class Solution:
         return {order: channel for (name, order), channel in self.trajectories.items() if name == variable}
 
     def frames_that_jump(self) -> IntArray:
-        """Indices of the frames where some variable or derivative has two different values."""
+        """Indices of the frames at which a variable or derivative has two different values."""
         mask = np.zeros(self.n + 1, dtype=bool)
         for channel in self.trajectories.values():
             mask |= channel.before != channel.after
@@ -394,38 +483,50 @@ class Solution:
     def resolve(self, **changes: Any) -> Solution:
         """Solve the same spec again with other constants, starting from this solution and its multipliers.
 
-        Where only numbers change, nothing is parsed, differentiated or compiled again; where the number of
-        frames or the method does, the motion and its multipliers are resampled.  A solution from a file works
-        as well: its spec is read anew from the text that it carries, once.
+        If only numbers change, nothing is parsed, differentiated or compiled again.  If the number of frames or the
+        method changes, the motion and its multipliers are resampled.  For a solution from a file, the spec is parsed
+        once from the text in the file.
 
-        Args:
-            **changes: values of constants such as ``g=1.62``, and whatever else
-                :meth:`stc.pipeline.Model.solve` takes.
+        Parameters
+        ----------
+        **changes : Any
+            Values of constants such as ``g=1.62``, and other arguments of :meth:`stc.pipeline.Model.solve`.
 
-        Raises:
-            SpecError, UsageError: as :meth:`stc.pipeline.Model.solve`.
+        Returns
+        -------
+        Solution
+            The new solution, whatever its status is.
+
+        Raises
+        ------
+        SpecError, UsageError
+            As :meth:`stc.pipeline.Model.solve`.
         """
         # By name: nothing here is imported from the layers above.
         return import_module("stc.origin").resolve(self, **changes)
 
     def grid_error(self) -> Any:
-        """The estimated discretisation error: see :func:`stc.studies.grid_error.grid_error`, which this calls."""
+        """The estimated discretisation error; see :func:`stc.studies.grid_error.grid_error`."""
         # By name: nothing here is imported from the layers above.
         return import_module("stc.studies.grid_error").grid_error(self)
 
     def ringing(self) -> Any:
-        """The controls that alternate from node to node: see :func:`stc.studies.ringing.ringing`, which this calls."""
+        """The controls that alternate from node to node; see :func:`stc.studies.ringing.ringing`."""
         return import_module("stc.studies.ringing").ringing(self)
 
     def complementarity(self) -> Any:
-        """What its complementary pairs come to: see :func:`stc.studies.complementarity.complementarity`."""
+        """How well complementary pairs are met, and the kind of stationary point; see
+        :func:`stc.studies.complementarity.complementarity`.
+        """
         return import_module("stc.studies.complementarity").complementarity(self)
 
     def uncertainty(self) -> Any:
-        """How well data determine the parameters: a :class:`stc.studies.uncertainty.Uncertainty`.
+        """The standard errors of estimated parameters: a :class:`stc.studies.uncertainty.Uncertainty`.
 
-        Raises:
-            UsageError: the solution is not optimal, or the objective no sum of squares over the rows of data sets.
+        Raises
+        ------
+        UsageError
+            The solution is not optimal, or the objective is not a sum of squares over rows of data.
         """
         # By name: nothing here is imported from the layers above.
         return import_module("stc.studies.uncertainty").of_solution(self)
@@ -433,14 +534,20 @@ class Solution:
     def to_dataframe(self, times: npt.ArrayLike | None = None) -> Any:
         """The motion as a pandas data frame: a row for each time, a column for each variable and derivative.
 
-        Args:
-            times: in seconds; the frames where none are given (at a jump, the values after it).
+        Parameters
+        ----------
+        times : npt.ArrayLike | None
+            In seconds; the frames where none are given (at a jump, the values after it).
 
-        Returns:
+        Returns
+        -------
+        Any
             A ``pandas.DataFrame`` with the index ``time``; spec, status, objective and parameters are in its ``attrs``.
 
-        Raises:
-            UsageError: pandas is not installed, or a time is outside of the motion.
+        Raises
+        ------
+        UsageError
+            Pandas is not installed, or a time is outside of the motion.
         """
         # By name: nothing here is imported from the layers above.
         return import_module("stc.notebooks").dataframe(self, times)
@@ -448,14 +555,20 @@ class Solution:
     def to_xarray(self, times: npt.ArrayLike | None = None) -> Any:
         """The motion as an xarray data set along ``time``; parameters are scalars in it.
 
-        Args:
-            times: in seconds; the frames where none are given (at a jump, the values after it).
+        Parameters
+        ----------
+        times : npt.ArrayLike | None
+            In seconds; the frames where none are given (at a jump, the values after it).
 
-        Returns:
+        Returns
+        -------
+        Any
             An ``xarray.Dataset``; spec, status and objective are in its ``attrs``.
 
-        Raises:
-            UsageError: xarray is not installed, or a time is outside of the motion.
+        Raises
+        ------
+        UsageError
+            Xarray is not installed, or a time is outside of the motion.
         """
         return import_module("stc.notebooks").dataset(self, times)
 
@@ -463,13 +576,21 @@ class Solution:
         return str(import_module("stc.notebooks").of_solution(self))
 
     def save(self, path: Path) -> None:
-        """Write the solution to ``path``: ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.
+        """Write the solution to a file, ``.npz`` (NumPy arrays) or ``.csv`` (text), both complete.
 
-        A reader never sees half a file: it is written under another name and moved into place.
+        The file is written under another name and then renamed, so that a reader never sees a partial file.
 
-        Raises:
-            UsageError: another suffix.
-            OSError: the file cannot be written.
+        Parameters
+        ----------
+        path : Path
+            The file; its suffix selects the format.
+
+        Raises
+        ------
+        UsageError
+            Another suffix.
+        OSError
+            The file cannot be written.
         """
         from stc.solution_file import write
 
@@ -479,11 +600,24 @@ class Solution:
 def read(path: Path) -> Solution:
     """Read a solution that :meth:`Solution.save` wrote.
 
-    The file holds what is unknown; times, curves and what a replay needs are evaluated from that and the spec's text.
+    The file holds the unknowns; times, curves and the inputs of a replay are computed from them and the spec's text.
 
-    Raises:
-        UsageError: no such file, or a suffix other than ``.npz`` and ``.csv``.
-        SolutionError: the file is damaged, is something else, comes from a newer version, or contradicts its own text.
+    Parameters
+    ----------
+    path : Path
+        An ``.npz`` or ``.csv`` file.
+
+    Returns
+    -------
+    Solution
+        The solution, with the files of its model in ``files``.
+
+    Raises
+    ------
+    UsageError
+        No such file, or a suffix other than ``.npz`` and ``.csv``.
+    SolutionError
+        The file is damaged, is not a solution, comes from a newer version, or contradicts its own text.
     """
     # By name: nothing here is imported from the layers above.
     found: Solution = import_module("stc.restated").read(path)
@@ -518,7 +652,7 @@ def _as_numbers(given: npt.ArrayLike, wanted: str) -> FloatArray:
     try:
         return np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise UsageError(f"{wanted}, or an array of such, not {given!r}") from None
+        raise UsageError(f"{wanted}, or an array, not {given!r}") from None
 
 
 def _key(name: object) -> tuple[str, int]:

@@ -14,7 +14,7 @@ from stc.stored import Stored, check_facts
 
 
 def write_csv(stored: Stored, stream: IO[bytes]) -> None:
-    """Write what is stored of a solution as a table."""
+    """Write the content of a solution as a table."""
     import csv
 
     members, n = dict(stored.members), int(stored.facts["n"])
@@ -47,7 +47,7 @@ def write_csv(stored: Stored, stream: IO[bytes]) -> None:
 
 
 def read_csv(path: Path) -> Stored:
-    """What a table holds of a solution."""
+    """Read the content of a solution from a table."""
     import csv
 
     facts: Any = None
@@ -85,7 +85,7 @@ def read_csv(path: Path) -> Stored:
     else:
         places = [(f"unknowns/{unknown['name']}", unknown["after"]) for unknown in facts["unknowns"]]
     if numbers.shape[1] != len(places):
-        raise SolutionError("the file is damaged: its table has not the columns that it tells of")
+        raise SolutionError("the file is damaged: its table does not have the columns that its facts list")
     for (place, apart), column in zip(places, numbers.T):
         if place == "time":  # in tables of the first format
             members[place] = column[before]

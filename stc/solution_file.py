@@ -1,9 +1,9 @@
-"""Solution files: how a :class:`stc.solution.Solution` is laid out on disk.  See docs/solution_files.md.
+"""Solution files: the layout of a :class:`stc.solution.Solution` on disk.  See docs/solution_files.md.
 
 ``.npz``
-    A NumPy archive without pickled objects and without compression.  The member ``facts`` is JSON in UTF-8: what the
-    file depends on (the spec's text, the constants, the method, the hashes of the model's files) and what it claims
-    (status, objective, and so on).  Everything that was found stands there once:
+    A NumPy archive without pickled objects and without compression.  The member ``facts`` is JSON in UTF-8: the
+    inputs (the spec's text, the constants, the method, the hashes of the model's files) and the stated results
+    (status, objective, and so on).  Every unknown is stored once:
 
     ==============================  =====  =============================================================================
     ``unknowns/x'``                 (n+1,) an unknown at the frames, as the step to the left sees it
@@ -18,7 +18,7 @@
     :mod:`stc.restated` evaluates them.
 
 ``.csv``
-    The same as text.  Lines starting with ``#`` hold the facts, and as JSON all that is no node value; below them is
+    The same as text.  Lines starting with ``#`` hold the facts, and all other values as JSON; below them is
     one table with a row per node in order of time, whose number is ``rows`` in the facts; each ends with its line.  Its
     columns are ``node`` (``frame``, ``before``, ``after`` or ``mid``; a frame where anything jumps has a row for either
     side) and the unknowns by their names.  Numbers keep all their digits.
@@ -86,7 +86,7 @@ def write(solution: Solution, path: str | os.PathLike[str]) -> None:
 
 
 def load(path: str | os.PathLike[str]) -> Stored:
-    """What a solution file holds.
+    """The content of a solution file.
 
     Raises:
         UsageError: no such file, or a suffix other than ``.npz`` and ``.csv``.
@@ -136,14 +136,14 @@ MISSHAPEN = (ValueError, KeyError, IndexError, TypeError, AttributeError, Overfl
 
 
 def damaged(source: str | os.PathLike[str]) -> SolutionError:
-    """What is said of a file that cannot be made sense of."""
-    return SolutionError(f"{source} is damaged: it was cut off or altered, or is no solution file")
+    """The error for a file that cannot be read."""
+    return SolutionError(f"{source} is damaged: it was cut off or altered, or is not a solution file")
 
 
 def contents(path: str | os.PathLike[str]) -> str:
-    """What a file with the suffix of a solution holds: ``solution``, ``table`` (as exported) or "" for anything else.
+    """The kind of a file with the suffix of a solution: ``solution``, ``table`` (as exported) or "" for anything else.
 
-    Nothing is raised: a file that cannot be read holds anything else.
+    No exception is raised; an unreadable file is "".
     """
     import zipfile
 
@@ -166,7 +166,7 @@ def contents(path: str | os.PathLike[str]) -> str:
 
 
 def refuse_as_spec(path: Path) -> NoReturn:
-    """Say what a data file that was named in place of a spec is for.
+    """Raise an error for a data file that was named in place of a spec; the hint names its possible uses.
 
     Raises:
         UsageError: always.
@@ -187,7 +187,7 @@ def refuse_as_spec(path: Path) -> NoReturn:
 
 
 def stored_of(solution: Solution) -> Stored:
-    """What is to be kept of a solution: what is unknown, its multipliers, what it depends on, what it claims."""
+    """The stored content of a solution: its unknowns, its multipliers, its inputs, its stated results."""
     facts: dict[str, Any] = {"kind": "stc solution", "format": FORMAT, "trials": [""], "n": solution.n}
     for key in PLAIN_FACTS:
         value = getattr(solution, key)
@@ -220,7 +220,7 @@ def stored_of(solution: Solution) -> Stored:
 
 
 def _files_of(solution: Solution) -> list[RecordedFile]:
-    """The files of a solution's model, where they are now."""
+    """The present files of a solution's model."""
     if solution.model is None:
         return []
     beside = Path(solution.directory) / solution.model if solution.directory else None
@@ -243,7 +243,7 @@ def files_of(stored: Stored) -> list[RecordedFile]:
     """The files that a stored solution depends on.
 
     Raises:
-        SolutionError: what is carried is not what its hash says.
+        SolutionError: the content of a file does not match its hash.
     """
     from hashlib import sha256
 
@@ -258,10 +258,10 @@ def files_of(stored: Stored) -> list[RecordedFile]:
             what = "its data" if before == DATA_ROLE else "its model's"
             raise SolutionError(f"the file was altered: {file.path} is said to be {what} {file.role}")
         if file.role == DATA_ROLE and content is None:
-            raise SolutionError(f"the file was altered: it does not carry its data {file.path}")
+            raise SolutionError(f"the file was altered: it does not contain its data {file.path}")
         if content is not None and sha256(content).hexdigest() != file.sha256:
             raise SolutionError(
-                f"the file was altered: {file.path}, which it carries, does not match its hash"
+                f"the file was altered: {file.path}, which it contains, does not match its hash"
             )
         found.append(file)
     return found

@@ -1,4 +1,4 @@
-"""From a transcription to the solver's result: as it is, or by way of the same motion on fewer frames."""
+"""From a transcription to the solver's result: directly, or through the same motion on fewer frames."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Callback = Callable[[Any], bool | None]
 
 
 class Motions(Protocol):
-    """What a spec offers on other numbers of frames: :class:`stc.pipeline.Model`."""
+    """The motion of a spec on other numbers of frames; implemented by :class:`stc.pipeline.Model`."""
 
     def on_fewer_frames(
         self, problem: Problem, given: Mapping[str, float], fineness: Fineness
@@ -52,7 +52,7 @@ class Motions(Protocol):
         problem: Problem,
         before: Problem | None = None,
     ) -> tuple[Start, BoundProgram | None]:
-        """Where to start from a solution (of the problem ``before``), and the program that was bound for it."""
+        """The start from a solution (of the problem ``before``), and the program that was bound for it."""
 
 
 def solve(
@@ -65,9 +65,9 @@ def solve(
     minimizer: Minimizer | None = None,
     bound: BoundProgram | None = None,
 ) -> tuple[BoundProgram, Result]:
-    """Binds constants, compiles what is not compiled, and minimises.
+    """Bind constants, compile if necessary, and minimise.
 
-    Products that are meant to be zero are brought down to it on the way (see :mod:`stc.relaxing`).
+    Products that should be zero are reduced in several solves (see :mod:`stc.relaxing`).
 
     Args:
         transcription: of the problem.
@@ -80,8 +80,8 @@ def solve(
         bound: the transcription with these constants, if it is at hand.
 
     Raises:
-        SpecError, EvaluationError: the starting point is no place to start from.
-        UsageError: no such optimizer, or one that cannot do what the problem needs.
+        SpecError, EvaluationError: the starting point is not valid.
+        UsageError: no such optimizer, or one that cannot handle the problem.
     """
     options, name = options or Options(), transcription.problem.relaxation
     if not name:
@@ -109,7 +109,7 @@ def _once(
     minimizer: Minimizer | None,
     bound: BoundProgram | None,
 ) -> tuple[BoundProgram, Result]:
-    """As :func:`solve`, with constants that stay as they are."""
+    """As :func:`solve`, with fixed constants."""
     minimizer = minimizer or optimizer_of(optimizer)
     if bound is None:
         bound = transcription.bind(constants, None if start is None else start.x)
@@ -129,7 +129,7 @@ def _once(
 
 
 def _forward(transcription: Transcription, constants: Mapping[str, float] | None, result: Result) -> Result:
-    """The result, but no solution where time stands still or goes backward: steps are positive."""
+    """The result; it fails if a step is not positive."""
     if result.status is not Status.OPTIMAL:
         return result
     wrong = transcription.backward_step(result.x, constants)
@@ -138,14 +138,14 @@ def _forward(transcription: Transcription, constants: Mapping[str, float] | None
     step, length = wrong
     names = " and ".join(f"`{parameter}`" for parameter in transcription.steps.parameters)
     message = (
-        f"The step from frame {step} to {step + 1} would take {length:.4g} s: all else is optimal, but steps are "
-        f"positive. Bound {names} so that they are, or start from a guess with longer ones."
+        f"The step from frame {step} to {step + 1} would take {length:.4g} s. All other conditions hold, but steps "
+        f"must be positive. Bound {names} accordingly, or start from a guess with longer steps."
     )
     return replace(result, status=Status.FAILED, message=message)
 
 
 def contradictions_of(transcription: Transcription, bound: BoundProgram) -> list[str]:
-    """The bounds that exclude each other, each with where its statements stand; of many the first few."""
+    """The bounds that contradict each other, each with the positions of its statements; at most a few."""
     lines = []
     for contradiction in bound.contradictions[:MOST_CONTRADICTIONS]:
         places = [transcription.problem.relations[k].span.location for k in contradiction.relations if k >= 0]
@@ -155,7 +155,7 @@ def contradictions_of(transcription: Transcription, bound: BoundProgram) -> list
 
 
 def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
-    """The result where bounds exclude each other before any step is taken."""
+    """The result for bounds that contradict each other, before any step is taken."""
     lines = contradictions_of(transcription, bound)
     worst = max((c.gap for c in bound.contradictions), default=0.0)
     return _unmoved(
@@ -164,7 +164,7 @@ def _contradicted(transcription: Transcription, bound: BoundProgram) -> Result:
 
 
 def _unmoved(bound: BoundProgram, status: Status, message: str = "", least: float = 0.0) -> Result:
-    """The start as the result, where no step is taken; its violation is known to be ``least`` or more."""
+    """The start as the result, if no step is taken; its violation is at least ``least``."""
     objective, rows = bound.values(bound.x0)
     with np.errstate(invalid="ignore"):
         low = np.maximum(bound.x_lower - bound.x0, bound.x0 - bound.x_upper)
@@ -190,7 +190,7 @@ ALIKE = 0.25
 
 
 def _moving(transcription: Transcription) -> list[NDArray[np.int64]]:
-    """Where the values at the frames are of each variable that has a rate."""
+    """The indices of the values at the frames of each variable that has a rate."""
     problem = transcription.problem
     highest = highest_orders(problem, [statement.body for statement in problem.relations])
     return [at for name, order, at, _, _ in transcription.layout.slots() if highest[name] and not order]
@@ -198,10 +198,10 @@ def _moving(transcription: Transcription) -> list[NDArray[np.int64]]:
 
 @dataclass(slots=True)
 class ColdSolve:
-    """A solve from a spec's own guess: by way of fewer frames where there are many, with their help where it is hard.
+    """A solve from a spec's own guess: through fewer frames if there are many, or with their help if it is hard.
 
     Attributes:
-        seconds: what deriving and compiling the motion on fewer frames takes is added there, and taken off the solve.
+        seconds: times by stage; deriving and compiling the motion on fewer frames is counted there and not as solving.
     """
 
     model: Motions
@@ -278,13 +278,13 @@ class ColdSolve:
         return self._coarse(options, told, replace(start, another=guess), bound), fewer.ratio
 
     def _follow(self, motion: Solution) -> Start:
-        """Where it leads to on all frames."""
+        """The start on all frames at a motion that was solved on fewer."""
         before = None if self._reduced is None else self._reduced[0]
         found, self._followed = self.model.follow(motion, self.transcription, self.problem, before)
         return found
 
     def _alike(self, start: Start, result: Result) -> bool:
-        """Whether all that has a rate stays near where it started; False where nothing is known to have one."""
+        """Whether all variables with a rate stay close to their start; False if it is not known which have one."""
         moving = self.transcription.remembered("moving", _moving)
         return bool(moving) and all(
             float(np.abs(start.x[at] - result.x[at]).max()) <= ALIKE * float(np.ptp(result.x[at]))

@@ -1,4 +1,4 @@
-"""What a solution file holds, whichever way it is written; :mod:`stc.solution_file` tells the layout."""
+"""The content of a solution file, independent of its format; :mod:`stc.solution_file` describes the layout."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ FORMAT = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stored:
-    """What a solution file holds, before the problem is stated again from its text.
+    """The content of a solution file, before the problem is built again from its text.
 
     Attributes:
         facts: everything but arrays.
         members: arrays by the names in :mod:`stc.solution_file`; in files of the first format by those that it had.
-        used: the names of those that were asked for: there are no others in a file that nobody has altered.
+        used: the names of the members that were read; an unaltered file has no others.
     """
 
     facts: dict[str, Any]
@@ -52,7 +52,7 @@ def check_facts(facts: Any) -> dict[str, Any]:
     if not isinstance(facts, dict) or facts.get("kind") != "stc solution":
         raise SolutionError("this is not a solution file")
     if not isinstance(facts.get("format"), int):
-        raise SolutionError("the file does not tell its format version")
+        raise SolutionError("the file does not state its format version")
     if facts["format"] > FORMAT:
         raise SolutionError(
             f"the file has format {facts['format']}, written by stc {facts.get('stc_version', '?')}; "

@@ -1,4 +1,4 @@
-"""Assertions for the tests of specs: does it solve, does it state the model's physics, does the motion happen?
+"""Assertions for the tests of specs: a spec solves, its equations are the model's, its motion is physical.
 
     from stc.testing import assert_equations, assert_physical, assert_solves
 
@@ -7,8 +7,8 @@
         assert_physical(assert_solves("reach.stc"))
 
 They work under any test runner.  Under pytest the plugin :mod:`stc.pytest_plugin` adds fixtures and an option that
-keeps the certificates.  What fails reads like a certificate: the first line names the joint and the term, the
-measurements follow.
+saves the certificates.  The message of a failure is that of the certificate: its first line names the joint and the
+term, the measurements follow.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _report_folder: Path | None = None
 
 
 def keep_certificates(folder: str | os.PathLike[str] | None) -> None:
-    """From now on :func:`assert_physical` writes the page of every motion it judges into a folder; None stops it."""
+    """Let :func:`assert_physical` write the page of every motion into a folder; None stops this."""
     global _report_folder
     _report_folder = None if folder is None else Path(folder)
 
@@ -49,19 +49,28 @@ def assert_solves(
     method: str | None = None,
     **constants: float,
 ) -> Solution:
-    """Solve a spec, and fail unless it ends as it should.
+    """Solve a spec, and fail unless the solve ends with the given status.
 
-    Args:
-        spec: a path, a bundled name, the text itself, or a loaded model.
-        status: how it should end.
-        method: transcription instead of the spec's own.
-        **constants: values of constants.
+    Parameters
+    ----------
+    spec : str | os.PathLike[str] | Model
+        A path, a bundled name, the text itself, or a loaded model.
+    status : str
+        The required status.
+    method : str | None
+        A transcription in place of the spec's own.
+    **constants : float
+        Values of constants.
 
-    Returns:
+    Returns
+    -------
+    Solution
         The solution.
 
-    Raises:
-        AssertionError: another status, or mistakes in the spec; the message carries them.
+    Raises
+    ------
+    AssertionError
+        Another status, or mistakes in the spec, which the message lists.
     """
     __tracebackhide__ = True
     try:
@@ -87,20 +96,29 @@ def assert_physical(
     *,
     limits: Limits | None = None,
 ) -> Certificate:
-    """Validate a motion in MuJoCo, and fail unless every measurement keeps its limit.
+    """Validate a motion in MuJoCo, and fail unless every measurement is within its limit.
 
-    Args:
-        motion: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
-        model: another model file than the one that the spec names.
-        limits: other limits, by the beginning of the metrics' names: ``{"open-loop drift": 1e-3}``.  None as a
-            limit reports without judging.
+    Parameters
+    ----------
+    motion : Solution | str | os.PathLike[str]
+        A solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
+    model : str | os.PathLike[str] | None
+        A model file to use in place of the one that the spec names.
+    limits : Limits | None
+        Replacements of limits, by the beginning of the metrics' names: ``{"open-loop drift": 1e-3}``.  None as
+        a limit reports without judging.
 
-    Returns:
+    Returns
+    -------
+    Certificate
         The certificate.
 
-    Raises:
-        AssertionError: the motion fails; the first line of the message names joint and term.
-        UsageError: a limit for something that was not measured.
+    Raises
+    ------
+    AssertionError
+        The motion fails; the first line of the message names joint and term.
+    UsageError
+        A limit for something that was not measured.
     """
     __tracebackhide__ = True
     from stc.certification import certify, motion_of
@@ -130,20 +148,30 @@ def assert_equations(
     states: int | None = None,
     **constants: float,
 ) -> EquationReport:
-    """Compare a spec's equations of motion with its model's at random states, and fail where they differ.
+    """Compare a spec's equations of motion with its model's at random states, and fail if they differ.
 
-    Args:
-        spec: a path, a bundled name, the text itself, or a loaded model.
-        model: another model file than the one that the spec names.
-        method: transcription instead of the spec's own.
-        states: number of random states, by default :data:`stc.validate.limits.EQUATION_STATES`.
-        **constants: values of constants.
+    Parameters
+    ----------
+    spec : str | os.PathLike[str] | Model
+        A path, a bundled name, the text itself, or a loaded model.
+    model : str | os.PathLike[str] | None
+        A model file to use in place of the one that the spec names.
+    method : str | None
+        A transcription in place of the spec's own.
+    states : int | None
+        Number of random states, by default :data:`stc.validate.limits.EQUATION_STATES`.
+    **constants : float
+        Values of constants.
 
-    Returns:
+    Returns
+    -------
+    EquationReport
         The comparison.
 
-    Raises:
-        AssertionError: a difference, with joint and term in the first line of the message, or mistakes in the spec.
+    Raises
+    ------
+    AssertionError
+        A difference, with joint and term in the first line of the message, or mistakes in the spec.
     """
     __tracebackhide__ = True
     from stc.studies.equations import check_equations
@@ -168,12 +196,12 @@ def _model(spec: str | os.PathLike[str] | Model) -> Model:
 
 
 def _told(report: EquationReport) -> str:
-    """The comparison as text, the first finding in the first line."""
+    """The comparison as text, with the first finding in the first line."""
     from stc.validate.certificate.table import quantity
 
     failed = [metric for metric in report.metrics if metric.verdict == "fail"]
     first = report.findings or [f"{m.subject}: {m.name} {quantity(m, m.value)}" for m in failed[:1]]
-    lines = [*(first[:1] or [f"{report.spec}: nothing was compared with {report.model}"]), ""]
+    lines = [*(first[:1] or [f"{report.spec}: no measurement was compared with {report.model}"]), ""]
     lines += [f"  {finding}" for finding in report.findings[1:]]
     lines += [
         f"  {m.subject}: {m.name} {quantity(m, m.value)}, limit {quantity(m, m.limit)}: {m.verdict}"
@@ -183,11 +211,11 @@ def _told(report: EquationReport) -> str:
 
 
 def _relimit(certificate: Certificate, limits: Limits) -> None:
-    """Put other limits in place of the usual ones."""
+    """Replace limits of a certificate by others."""
     unused = set(limits)
     for name, limit in limits.items():
         if limit is not None and limit != limit:
-            raise UsageError(f"the limit of `{name}` is no number", "None is for none")
+            raise UsageError(f"the limit of `{name}` is not a number", "use None for no limit")
 
     def changed(metric: Metric) -> Metric:
         for beginning, limit in limits.items():
@@ -208,7 +236,7 @@ def _relimit(certificate: Certificate, limits: Limits) -> None:
 
 
 def _keep(certificate: Certificate) -> None:
-    """Write the page if pages are kept; one file per motion and test, of tests in other processes, too."""
+    """Write the page if pages are kept; one file per motion and test, also for tests in other processes."""
     if _report_folder is None:
         return
     _report_folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Node values of one quantity along a motion, and the curve that a transcription means by them.
+"""Node values of one quantity along a motion, and the curve that a transcription defines through them.
 
 A motion has frames ``0..n`` at times ``time[0] < ... < time[n]``; step i runs from frame i to frame i+1.
 Inside a step every curve is a polynomial in ``s``, the share of the step that has passed (0 at the left
@@ -16,8 +16,8 @@ central             straight line between the frames                variable: cu
                                                                     that cubic's own
 ==================  ==============================================  =======================================
 
-Integrals start at the left frame's value.  Whatever the transcription leaves over at the right frame (the
-violation of its links; for the trapezoidal rule also the difference between the trapezoid rule and the exact
+Integrals start at the left frame's value.  The remaining difference at the right frame (the
+violation of the links; for the trapezoidal rule also the difference between the trapezoid rule and the exact
 integral of a parabola, third order in the step) is spread linearly over the step, so that every curve passes
 through the values of all frames.  See Kelly (2017), "An introduction to trajectory optimization", sections
 3.4 and 4.3, for the curves of the two collocation methods.
@@ -43,8 +43,8 @@ class Channel:
     """Values of one quantity at the nodes of a motion of n steps.
 
     Attributes:
-        before: (n+1,) value at each frame as its left step sees it.
-        after: (n+1,) value at each frame as its right step sees it; equal to ``before`` where nothing jumps.
+        before: (n+1,) value at each frame for the step to its left.
+        after: (n+1,) value at each frame for the step to its right; equal to ``before`` if nothing jumps.
         mid: (n,) value at the midpoint of each step (hermite-simpson), else None.
     """
 
@@ -71,7 +71,7 @@ class Channel:
         return np.flatnonzero((self.before != self.after) & ~both)
 
     def held_outside(self, first: int, last: int) -> Channel:
-        """The same channel; frames before ``first`` and after ``last`` take the value of that nearest one."""
+        """The same channel; frames before ``first`` and after ``last`` get the value of the nearest of these."""
         frames = np.arange(len(self.before))
         early, late = frames < first, frames > last
 
@@ -86,7 +86,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
-    """Where in the motion some instants lie; every array has the shape (m,).
+    """The positions of some instants in the motion; every array has the shape (m,).
 
     Attributes:
         step: index of the step that holds the instant.
@@ -155,7 +155,7 @@ def _integrate(
 
 
 def interpolant(method: str, channel: Channel, step: IntArray) -> list[FloatArray]:
-    """The polynomials, coefficients lowest first, that a method means by node values on the given steps.
+    """The polynomials, coefficients lowest first, that a method defines through node values on the given steps.
 
     They are parabolas where there are midpoints, constants under stepping, else straight lines.
     """

@@ -1,4 +1,4 @@
-"""How far bodies turn in a motion: a pose cannot tell a somersault from standing still."""
+"""The number of turns of bodies in a motion, which poses alone do not show."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NO_PART = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """How far a free or ball joint turns in all.
+    """The total rotation of a free or ball joint.
 
     Attributes:
         joint: its path, ``joint.root``.

@@ -1,6 +1,6 @@
-"""A solve that is under way: what whoever ends it from outside can make of it.
+"""A solve in progress, for code that must end it from outside.
 
-What a solve hands over when it stops by itself has multipliers too; this is for where it cannot stop soon.
+A solve that stops by itself also returns multipliers; this is for a solve that cannot stop soon.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ __all__ = ["Unfinished", "current", "motion_at"]
 
 @dataclass(slots=True)
 class Unfinished:
-    """A solve that has not ended yet.
+    """A solve in progress.
 
     Attributes:
-        transcription, constants, overrides, optimizer: of the solve, as for :func:`stc.collecting.collect`.
-        start: where it starts on all frames, (n,), once that is known.
+        transcription, constants, overrides, optimizer: as for :func:`stc.collecting.collect`.
+        start: the start on all frames, (n,), once it is known.
         best: the record of the best iterate so far.
     """
 
@@ -40,7 +40,7 @@ class Unfinished:
     best: IterationRecord | None = None
 
     def note(self, record: IterationRecord) -> None:
-        """Keep an iterate if it is the best so far; one on fewer frames, which has no variables, is let pass."""
+        """Keep an iterate if it is the best so far; iterates on fewer frames, which have no variables, are ignored."""
         if record.x is None:
             return
         before = self.best
@@ -77,7 +77,7 @@ class Unfinished:
 
 
 def _rank(record: IterationRecord) -> tuple[float, float]:
-    """Less for better iterates: feasible ones first."""
+    """A sort key of iterates: smaller for better ones, feasible ones first."""
     violated = record.violation > Options().feasibility_tolerance
     return record.violation if violated else 0.0, record.objective
 

@@ -1,4 +1,4 @@
-"""Text of files and command lines as it may go to a terminal: what would steer the terminal is spelled out."""
+"""Text for a terminal with control characters made visible."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ def _spelled(found: re.Match[str]) -> str:
 
 
 def visible(text: str) -> str:
-    """The text with every character that steers a terminal, or cannot be seen, spelled as in ``\\x1b``."""
+    """The text with every control or invisible character written as in ``\x1b``."""
     return _UNSEEN.sub(_spelled, text) if not text.isprintable() else text
 
 
 class VisibleStream:
-    """A stream for people: passes on what is written to another one as :func:`visible` makes it.
+    """A stream for people: writes text to another stream after :func:`visible`.
 
-    All but writing is the other stream's own.
+    All other methods are those of the other stream.
     """
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
 
     def write(self, text: str) -> int:
-        """Write the text to the stream; returns how many of its characters, which is all."""
+        """Write the text to the stream; returns the number of its characters, all of them."""
         self.stream.write(visible(text))
         return len(text)
 
@@ -47,5 +47,5 @@ class VisibleStream:
 
 
 def unfiltered(stream: Any) -> Any:
-    """The stream to write to for what steers the terminal on purpose."""
+    """The unfiltered stream, for intended terminal controls."""
     return stream.stream if isinstance(stream, VisibleStream) else stream

@@ -1,4 +1,4 @@
-"""Where a solve starts that goes on from an earlier solution, of the same problem or of one like it."""
+"""The start of a solve from an earlier solution of the same or a similar problem."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from stc.transcription.bind import BoundProgram
 def start_from(
     earlier: Solution, alignment: Alignment, transcription: Transcription, problem: Problem
 ) -> tuple[Start, BoundProgram | None]:
-    """The earlier solution's values, with its multipliers where it was optimal, resampled where frames differ.
+    """The earlier solution's values, with its multipliers if it was optimal, resampled if the frames differ.
 
     Args:
         earlier: the solution to start from.
-        alignment: which of its frames are which of the problem's.
+        alignment: the correspondence of its frames to the problem's.
         transcription, problem: to be solved.
 
     Returns:
@@ -54,12 +54,12 @@ def start_from(
 
 
 def aligned(earlier: Solution, problem: Problem, before: Callable[[], Problem]) -> Alignment:
-    """Which frames of an earlier solution are which of a problem's.
+    """The correspondence of frames between an earlier solution and a problem.
 
     Args:
         earlier: of the same spec.
         problem: to be solved.
-        before: tells which problem was solved; asked where it could matter. It may raise StcError.
+        before: identifies the problem that was solved; asked where it could matter. It may raise StcError.
     """
     even = Alignment.even(earlier.n, problem.n)
     if all(earlier.constants.get(k) == problem.constants[k] for k in problem.structural):

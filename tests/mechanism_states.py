@@ -16,6 +16,7 @@ from stc.mechanism.kinematics import Motion
 from stc.mechanism.mechanism import Mechanism
 from stc.mechanism.numbers import Numbers
 from stc.mechanism.read import read_model
+from stc.model_source import opened
 from stc.symbolic.expr import Expr, sym
 
 #: What of a state is given to expressions, in this order.
@@ -44,10 +45,17 @@ class Compared:
     numbers, velocities and accelerations three times that.
     """
 
-    def __init__(self, source: str | Path, states: int = 1000, seed: int = 0, most: float = 3.0) -> None:
+    def __init__(
+        self,
+        source: str | Path,
+        states: int = 1000,
+        seed: int = 0,
+        most: float = 3.0,
+        additions: Sequence[str] = (),
+    ) -> None:
         if isinstance(source, Path):
-            self.mechanism = read_model(source)
-            self.model = mujoco.MjModel.from_xml_path(str(source))
+            self.mechanism = read_model(source, additions=additions)
+            self.model = opened(source, additions).model
         else:
             self.mechanism = read_model("model.xml", text=source)
             self.model = mujoco.MjModel.from_xml_string(source)

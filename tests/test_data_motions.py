@@ -94,7 +94,7 @@ def test_other_numbers_need_no_other_program(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("option", "word"), [("", "goes straight on"), (", outside = hold", "keeps its last value")]
+    ("option", "word"), [("", "continues linearly"), (", outside = hold", "keeps its last value")]
 )
 def test_use_outside_is_told(option: str, word: str, tmp_path: Path) -> None:
     data = f"data: d = (x, y): (-1, -1), (0, 0), (1, 1); S = table(d.x, d.y){option};"
@@ -211,7 +211,7 @@ def test_a_column_with_every_other_number_is_a_guess_and_is_summed(tmp_path: Pat
     np.testing.assert_allclose(
         channels["y", 0].before, np.interp(frames, numbers / 20 + 0.02, 3 * numbers), atol=1e-9
     )
-    with pytest.raises(SpecError, match=r"`walk.x` has nowhere two numbers in a row") as caught:
+    with pytest.raises(SpecError, match=r"`walk.x` has no two consecutive numbers") as caught:
         stc.load(saved_spec(tmp_path, FOLLOWED)).problem()
     assert "sum over its rows instead, as in `[walk]: (x - walk.x)^2;`" in str(caught.value)
 
@@ -226,7 +226,9 @@ def test_statements_at_every_frame_want_numbers_there(tmp_path: Path) -> None:
     unknown = unknown.replace("h = T/n", "S = 1").replace(
         "variables:", "definitions: h = T/n;\nvariables:", 1
     )
-    with pytest.raises(SpecError, match=r"`walk.y` has gaps, and this statement wants it at every frame"):
+    with pytest.raises(
+        SpecError, match=r"`walk.y` has gaps, and this statement needs a number at every frame"
+    ):
         stc.load(saved_spec(tmp_path, unknown)).problem()
     fine = FOLLOWED.replace("y'' = v;", "y'' = v; x = walk.x;")
     solved = stc.load(saved_spec(tmp_path, fine)).solve()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import subprocess
 import sys
@@ -37,15 +38,18 @@ def whole_specs() -> list[str]:
 
 
 @pytest.mark.parametrize("spec", whole_specs(), ids=lambda spec: spec.strip().splitlines()[0])
-def test_whole_specs_solve(spec: str) -> None:
+def test_whole_specs_solve(spec: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{k / 20},{math.exp(-0.05 * k / 20) * math.cos(3.0 * k / 20)}" for k in range(121)]
+    Path("swing.csv").write_text("\n".join(["time,angle", *rows]))
     model = stc.load(spec)
     assert model.solve().status == "optimal"
     assert not model.warnings
 
 
 def commands(page: str, renders: bool) -> list[list[str]]:
-    """The command lines of a page that render pictures, or the others."""
-    lines = re.findall(r"^    stc (.*?)(?:  +#.*)?$", (ROOT / page).read_text(), re.MULTILINE)
+    """The command lines of a page that render pictures, or the others; without those that serve until Ctrl-C."""
+    lines = re.findall(r"^    stc (?!steer )(.*?)(?:  +#.*)?$", (ROOT / page).read_text(), re.MULTILINE)
     found = [words for line in lines if ((words := line.split())[0] == "render") is renders]
     assert len(found) >= 1
     return found
@@ -127,6 +131,13 @@ def test_the_searches_from_python_work() -> None:
     exec(block, names)
     assert names["walk"].arrived and names["finer"].reached  # type: ignore[attr-defined]
     assert names["sure"].verified and len(names["found"].optima) >= 1  # type: ignore[attr-defined]
+
+
+def test_the_steering_from_python_works() -> None:
+    (block,) = blocks("docs/steering.md", "python")
+    names: dict[str, object] = {}
+    exec(block, names)
+    assert names["session"].text() == names["read_source"]("luxo_poses").text  # type: ignore
 
 
 def test_the_sweep_from_python_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

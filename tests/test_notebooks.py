@@ -150,3 +150,41 @@ def test_the_notebooks_of_the_documentation_run(
     assert rich
     assert not [output for cell in notebook.cells for output in cell.get("outputs", ()) if "error" in output]
     json.dumps(notebook)
+
+
+@pytest.mark.slow
+def test_a_notebook_shows_how_far_a_solve_and_a_sweep_have_got(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each in a line of its own that changes and is empty in the end; within a sweep solves have none."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")
+    (tmp_path / "jump.stc").write_text(JUMP)
+    cells = [
+        "import stc, stc.notebook_progress as lines\nlines.DELAY = lines.PERIOD = 0.0",
+        "stc.load('cart_pole_swing_up', n=20).solve().status",
+        "stc.sweep('jump.stc', {'T': [1.0, 2.0, 3.0]}, 'found', workers=1).good",
+        "stc.load('jump.stc').solve(callback=lambda iterate: None).status",
+    ]
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
+    lines: dict[int, list[str]] = {}
+
+    class Client(nbclient.NotebookClient):  # type: ignore[misc, name-defined]
+        def process_message(self, message: Any, cell: Any, cell_index: int) -> Any:
+            html = message["content"].get("data", {}).get("text/html")
+            if html is not None:
+                lines.setdefault(cell_index, []).append(html)
+            return super().process_message(message, cell, cell_index)
+
+    Client(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    assert lines.keys() == {1, 2}
+    assert "cart_pole_swing_up: iteration 0, objective" in lines[1][0] and lines[1][-1] == ""
+    assert len(lines[1]) > 3 and all("cart_pole_swing_up: iteration" in line for line in lines[1][:-1])
+    done = [f"jump: {count} of 3 points" for count in (1, 2, 3)]
+    assert [words in line for words, line in zip(done, lines[2], strict=False)] == [True] * 3
+    assert "<progress value='0.6667' max='1'>" in lines[2][1] and lines[2][3:] == [""]
+    assert [cell.outputs[-1]["data"]["text/plain"] for cell in notebook.cells[1:]] == [
+        "'optimal'",
+        "True",
+        "'optimal'",
+    ]

@@ -14,9 +14,6 @@ import numpy as np
 import pytest
 
 import stc
-from stc.codegen import engine
-from stc.codegen.image import supported
-from stc.codegen.shipped import LEVELS
 from stc.core import compiling
 
 ROOT = Path(__file__).parent.parent
@@ -26,6 +23,8 @@ FOLDERS = {"stc": "stc", "stc/validate": "validate", "stc/models": "models", "st
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     """A wheel built from a copy of the repository, with the setuptools at hand."""
+    if compiling.own_compiler() is None and importlib.util.find_spec("ziglang") is None:
+        pytest.skip("there is no C compiler: an installation brings its own")
     folder = tmp_path_factory.mktemp("wheel")
     copy = folder / "copy"
     copy.mkdir()
@@ -49,31 +48,22 @@ def test_everything_ships(wheel: zipfile.ZipFile, inside: str) -> None:
         f"{inside}/{path.relative_to(folder).as_posix()}"
         for path in folder.rglob("*")
         if path.is_file()
-        and not {"__pycache__", "shipped_objects"} & set(path.parts)
+        and "__pycache__" not in path.parts
         and path.suffix not in (".c", ".h")
-        and path.name != compiling.LIBRARY
+        and not path.name.startswith("libcore_")
     }
     assert wanted <= set(wheel.namelist())
 
 
 def test_the_core_ships_compiled(wheel: zipfile.ZipFile) -> None:
     """For this kind of machine, and whatever Python: its sources stay at home."""
-    if compiling.own_compiler() is None and importlib.util.find_spec("ziglang") is None:
-        pytest.skip("there is no C compiler: an installation brings its own")
-    assert f"stc/core/{compiling.LIBRARY}" in wheel.namelist()
-    assert str(wheel.filename).rpartition("stc-")[2].split("-")[1:3] == ["py3", "none"]
+    for kind in compiling.instructions():
+        assert f"stc/core/{compiling.file_of(kind)}" in wheel.namelist()
+    assert Path(str(wheel.filename)).name.split("-")[2:4] == ["py3", "none"]
 
 
-def test_the_solvers_own_code_ships_compiled(wheel: zipfile.ZipFile, tmp_path: Path) -> None:
-    """A first solve on a machine does without the compiler where it is short."""
-    if not supported() or not engine.llvm_wanted():
-        pytest.skip("machine code ships for Linux on x86-64 only")
-    shipped = [info for info in wheel.infolist() if "/shipped_objects/" in info.filename]
-    assert len(shipped) >= 2 * 10
-    assert sum(info.compress_size for info in shipped) < 600_000
-    assert not [info.filename for info in shipped if str(ROOT).encode() in wheel.read(info)]
-    if not any(level.runs_on(engine.this_machine()) for level in LEVELS):
-        pytest.skip("nothing ships for this machine")
+def test_a_first_solve_does_without_the_compiler_of_kernels(wheel: zipfile.ZipFile, tmp_path: Path) -> None:
+    """Where it is short, on a machine that has not solved anything before."""
     wheel.extractall(tmp_path / "installed")
     code = """
 import sys

@@ -54,7 +54,7 @@ def solution() -> stc.Solution:
         (lambda model: model.solve(optimizer=3), "an optimizer is a name such as `sqp`, not 3"),
         (lambda model: model.solve(callback=3), "the callback must be a function, not 3"),
         (lambda model: model.solve(constants=[1]), r"constants are numbers by name, not \[1\]"),
-        (lambda model: model.solve(guess={3: 1}), "the guess is numbers by name, and 3 is no name"),
+        (lambda model: model.solve(guess={3: 1}), "the guess is numbers by name, and 3 is not a name"),
         (lambda model: model.solve().resolve(constants=3), "constants are numbers by name, not 3"),
         (lambda model: model.solve().save(3), "the file of a solution must be a path, not 3"),
         (lambda model: continue_to(model, "speed", 1, "2"), "the last value of speed must be a number"),
@@ -131,9 +131,9 @@ def test_motions_and_models_go_to_other_processes(
 
 
 def test_times_and_frames_are_numbers(solution: stc.Solution) -> None:
-    with pytest.raises(stc.UsageError, match="a time is a number of seconds, or an array of such, not 'a'"):
+    with pytest.raises(stc.UsageError, match="a time is a number of seconds, or an array, not 'a'"):
         solution.at("a")
-    with pytest.raises(stc.UsageError, match="a frame is given by its index, or an array of such"):
+    with pytest.raises(stc.UsageError, match="a frame is given by its index, or an array, not"):
         solution.at_frame([[1, 2], [3]])  # type: ignore[list-item]
 
 

@@ -348,10 +348,10 @@ def test_altered_and_newer_files_are_refused(tmp_path: Path) -> None:
         with pytest.raises(SolutionError, match=message):
             read(archive)
 
-    refused("tells of 5 steps, its text of 6", {}, n=5)
-    refused("tells of 6 steps and has 2", {"unknowns/x": np.zeros(3)})
+    refused("states 5 steps, its text 6", {}, n=5)
+    refused("states 6 steps and has 2", {"unknowns/x": np.zeros(3)})
     refused("no numbers that are not finite", {"unknowns/x": np.full(7, np.nan)}, status="optimal")
-    refused("holds replay/0, which is nothing of this solution", {"replay/0": np.zeros(3)})
+    refused("holds replay/0, which does not belong to this solution", {"replay/0": np.zeros(3)})
     refused("its unknowns are x, x'; its text states", {}, unknowns=facts["unknowns"][:2])
     refused("x has two values at frame 3", {}, unknowns=[{"name": "x", "after": [3]}, *facts["unknowns"][1:]])
     refused("multipliers/0 has 2 numbers where there are 6", {"multipliers/0": np.zeros(2)})
@@ -360,10 +360,10 @@ def test_altered_and_newer_files_are_refused(tmp_path: Path) -> None:
     refused("several motions", {}, trials=["one", "other"])
     content = arrays["files/0"].copy()
     content[7] ^= 1
-    refused(r"particle\.xml, which it carries, does not match its hash", {"files/0": content})
+    refused(r"particle\.xml, which it contains, does not match its hash", {"files/0": content})
     other_text = facts["source"].replace("variables: x,", "variables: y,")
     digest = hashlib.sha256(other_text.encode()).hexdigest()
-    refused("its text states no motion that this version can read", {}, source=other_text, sha256=digest)
+    refused("this version cannot read its text", {}, source=other_text, sha256=digest)
     refused("format 99, written by stc .* install a newer stc", {}, format=99)
     other = tmp_path / "b.npz"
     np.savez(other, a=np.zeros(3))

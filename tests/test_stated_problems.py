@@ -124,7 +124,7 @@ def test_what_holds_a_control_that_nothing_decides_is_taken_up(tmp_path: Path) -
     method: hermite-simpson;
     """
     (told,) = solved(tmp_path, text).ringing()
-    assert "since there is no objective" in str(told)
+    assert "since no objective determines it" in str(told)
     assert f"objective: {told.term}" == "objective: [0, n]: integral(w'^2);"
     better = solved(tmp_path, f"{text}objective: {told.term}")
     np.testing.assert_allclose(better["w"], 2.0 * (1.0 + better.time), atol=1e-4)

@@ -1,12 +1,12 @@
-"""Independent validation: reads a solution file and a MuJoCo model, and knows nothing of the solver.
+"""Independent validation of a solution file in MuJoCo; this package does not import the solver.
 
     from stc.validate import validate
 
     report = validate("particle_waypoints.npz")
     report.passed, report.metrics, report.to_dict()
 
-MuJoCo is told numbers only: where the joints start, the forces over time, and the model fields that the spec
-names.  It never sees the equations of the spec, so that it stays an independent judge of them.
+MuJoCo receives numbers only: the initial positions of the joints, the forces over time, and the model fields that the
+spec sets.  It never receives the equations of the spec, so that it is an independent check of them.
 """
 
 from __future__ import annotations

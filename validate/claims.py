@@ -1,7 +1,7 @@
-"""What a solution says of itself, held against what its own text and numbers give.
+"""The figures that a solution states about itself, compared with values recomputed from its text and numbers.
 
-The validation knows no expressions.  Whoever can state the problem again from the text (:mod:`stc.judging`) evaluates
-it and hands over the :class:`Claims`; here they become measurements and lines of the verdict.
+The validation knows no expressions.  A module that can build the problem from the text (:mod:`stc.judging`) evaluates
+it and passes on the :class:`Claims`; here they become measurements and lines of the verdict.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from stc.validate.metrics import Metric
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A number that a solution claims, with what it is by its text, constants and unknowns.
+    """A number that a solution states, with the value recomputed from its text, constants and unknowns.
 
     Attributes:
-        name: of the quantity.
-        claimed: by the solution.
-        recomputed: from the text.
-        tolerance: how far apart the two may be.
-        place: where the statement behind it stands, with its text; "" where there is none.
+        name: name of the quantity.
+        claimed: value stated by the solution.
+        recomputed: value computed from the text.
+        tolerance: largest accepted difference of the two.
+        place: position and text of the statement that it belongs to; "" if there is none.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Claim:
         return self.claimed == self.recomputed or abs(self.claimed - self.recomputed) <= self.tolerance
 
     def __str__(self) -> str:
-        """The claim that does not hold, in one line."""
+        """The disagreement, in one line."""
         text = (
             f"{self.name}: the solution says {self.claimed:.9g}, its text and numbers give {self.recomputed:.9g} "
             f"(tolerance {self.tolerance:.2g})"
@@ -48,16 +48,16 @@ class Claim:
 
 @dataclass(slots=True, kw_only=True)
 class Claims:
-    """Everything that a solution says of itself.
+    """All figures that a solution states.
 
     Attributes:
-        claims: those that could be recomputed.
-        faults: what is wrong besides, one line each, the most telling first: statements that are missed, a status that
-            the numbers do not bear out.
+        claims: the figures that could be recomputed.
+        faults: other faults, one line each, the most important first: violated statements, a status that does not
+            agree with the numbers.
         violation: largest violation, relative to max(1, the bound), recomputed; ``missed`` says of which statement.
         optimality: first-order error, recomputed.
-        words: what cannot be recomputed, as the solution says it: label and text.
-        notes: what a reader should know.
+        words: figures that cannot be recomputed, as pairs of label and text.
+        notes: notes for the reader.
     """
 
     claims: Sequence[Claim] = ()
@@ -70,17 +70,17 @@ class Claims:
 
     @property
     def told(self) -> str:
-        """What is the solution's own word, in one line."""
+        """The figures of the solution that cannot be recomputed, in one line."""
         return "; ".join(f"{label}: {text}" for label, text in self.words)
 
     @property
     def findings(self) -> list[str]:
-        """What does not hold, one line each: a verdict's headline is the first."""
+        """The disagreements, one line each; the first one becomes the headline of the verdict."""
         return [*self.faults, *(str(claim) for claim in self.claims if not claim.holds)]
 
     @property
     def metrics(self) -> list[Metric]:
-        """The recomputed errors with their limits, and how far off the claims are that hold."""
+        """The recomputed errors with their limits, and the differences of the figures that agree."""
         if math.isnan(self.violation) and math.isnan(self.optimality):
             return []
         subject = self.missed or "rows and bounds, scaled"

@@ -1,7 +1,7 @@
-"""What the contact points of the model can give in a pose: the edges of their friction cones as generalised forces.
+"""The friction cones of the model's contacts in a pose, as generalised forces along their edges.
 
-Each contact presses, within its friction, and gives no moment but what its ``condim`` allows.  The same holds of the
-impulses that a contact gives where velocities jump.
+Each contact pushes, within its friction, and gives only the moments that its ``condim`` allows.  The same holds for the
+impulses of a contact at a jump of the velocities.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ _FLAT = 1e-9
 
 
 class TouchingModel:
-    """The model with all contacts that it can have, and where the ``contact`` lines of a motion act on it.
+    """The model with all possible contacts enabled, and the places at which the ``contact`` lines of a motion act on
+    it.
 
     Attributes:
         model: the model.
         data: its state.
-        joints: those that lines on joints act on, by the lines' numbers.
-        wholes: the bodies that move with those of other lines, by the lines' numbers.
+        joints: the joints of lines on joints, by the lines' numbers.
+        wholes: the bodies that move with the bodies of the other lines, by the lines' numbers.
         turns: (nv,) whether a coordinate is an angle.
     """
 
@@ -66,7 +67,7 @@ class TouchingModel:
         return not any(touching(self.model, self.data, self.wholes[column]))
 
     def least_levers(self) -> FloatArray:
-        """(nv,) the smallest lever of each coordinate that counts: 1 where it slides, a length in m where it turns."""
+        """(nv,) a lower bound on the lever arm of each coordinate: 1 for a slide, a length in m for a rotation."""
         return np.where(self.turns, _LEVER * float(self.model.stat.extent), 1.0)
 
 
@@ -81,7 +82,7 @@ def cone_edges(
     Args:
         model, data: the simulation in that pose, its contacts found.
         slid: (k, 3) the edges of contacts that slide, by their numbers, along their axes.
-        widened: how much more friction the contacts have, as a share.
+        widened: the additional friction of the contacts, as a share.
 
     Returns:
         The generalised force (nv,) of each per unit of its normal force; the contact that each belongs to; the longest
@@ -109,7 +110,7 @@ def cone_edges(
 
 
 def _around(across: FloatArray) -> FloatArray:
-    """(k, nv) corners around all that the friction of a contact gives, exactly where it moves in a plane only.
+    """(k, nv) corners of a polygon around the friction of a contact, exact for motions in a plane.
 
     Args:
         across: (2, nv) generalised force of the friction along either axis across its normal.
@@ -123,7 +124,9 @@ def _around(across: FloatArray) -> FloatArray:
 
 
 def left_over(edges: FloatArray, force: FloatArray) -> float:
-    """The largest entry of a generalised force (nv,) that no sum of the columns (nv, k), none taken away, gives."""
+    """The largest entry of the part of a generalised force (nv,) that no nonnegative combination of columns (nv, k)
+    can give.
+    """
     from scipy.optimize import nnls
 
     lengths = np.linalg.norm(edges, axis=0)

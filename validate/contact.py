@@ -1,9 +1,9 @@
-"""Motions on the ground: MuJoCo's contact solver supplies what the solution's ``contact`` lines say.
+"""Motions on the ground: MuJoCo's contact solver supplies the forces of the solution's ``contact`` lines.
 
-Such a motion is measured as a whole: how far the base strays, each slide as a share of the way that it goes, how far
-every other joint does in its own unit, and where all of them stand in the end.  The base is what slides and is not
-driven.  A body that stands on a foot without moving it is unstable by nature (it is an inverted pendulum), so that
-after a landing an open-loop replay is judged by its last frame too.
+Such a motion is measured by the error of the base, as a share of the travel of each of its slides, by the error of
+every other joint in its own unit, and by all errors at the end.  The base is the set of slides that no actuator
+drives.  A body that stands on a foot is an unstable inverted pendulum, so that after a landing an open-loop replay is
+also judged by its last frame.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def travelled(setup: Setup) -> float:
-    """How far the base goes, in m: the largest distance between two places of its path, at least a short way."""
+    """The travel of the base in m: the largest distance between two places of its path, with a lower limit."""
     ways = [np.ptp(tie.line.value.before) for tie in _parts(setup)[0]]
     return max(limits.LEAST_WAY, float(np.hypot.reduce([0.0, *ways])))
 
@@ -36,13 +36,13 @@ def travelled(setup: Setup) -> float:
 def contact_metrics(
     name: str, setup: Setup, motion: Replay, forces: Sequence[ContactForces] = ()
 ) -> list[Metric]:
-    """How far a replay on the ground strays: the base, where there is one, and every other tied joint.
+    """The errors of a replay on the ground: of the base, if there is one, and of every other tied joint.
 
     Args:
-        name: of the replay, ``open-loop`` or ``tracked``.
+        name: name of the replay, ``open-loop`` or ``tracked``.
         setup: the motion.
-        motion: what the simulation did.
-        forces: of the contacts, which tell where the ground is.
+        motion: the simulation.
+        forces: the contact forces, which determine the direction of the ground.
     """
     base, others = _parts(setup)
     tracked = name == "tracked"
@@ -51,7 +51,7 @@ def contact_metrics(
     if base:
         most = limits.CONTACT_TRACKED_BASE if tracked else limits.CONTACT_BASE
         share = _base_share(setup, base, motion, forces, limits.CONTACT_HEIGHT / most)
-        rows.append(("base", share, "of its way", most, limits.CONTACT_END_BASE))
+        rows.append(("base", share, "of travel", most, limits.CONTACT_END_BASE))
     for tie, distance in zip(others, _distances(others, motion.positions)):
         allowed = limits.CONTACT_TRACKED_JOINTS if tracked else limits.CONTACT_JOINTS
         most, at_end = (
@@ -71,7 +71,7 @@ def contact_metrics(
 def _base_share(
     setup: Setup, base: list[Coordinate], motion: Replay, forces: Sequence[ContactForces], height: float
 ) -> FloatArray:
-    """(n+1,) how far the base is from its place, each slide as a share of its own way.
+    """(n+1,) distance of the base from its solved position, each slide as a share of its travel (maximum less minimum).
 
     A long way along the ground excuses no gap between the two, so that the error along the contacts' normals is
     measured against ``height`` as well.  What slides with friction bounces on stiff ground, and so does the friction:
@@ -80,7 +80,7 @@ def _base_share(
     Args:
         setup: the motion.
         base: its slides.
-        motion: what the simulation did.
+        motion: the simulated motion.
         forces: of the contacts.
         height: in m.
     """
@@ -130,14 +130,14 @@ def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, F
 
 
 def missing_contacts(setup: Setup) -> list[Metric]:
-    """A measurement that fails where forces on bodies have no two geoms that can touch; nothing where all is well."""
+    """A failed measurement if no two geoms can touch although forces act on bodies; otherwise nothing."""
     if can_touch(setup.compiled) or all(line.path[0] == "joint" for line in setup.contact.lines):
         return []
     return [Metric("contacts that the model can have", "pairs of geoms", 0.0, "", 1.0, at_least=True)]
 
 
 def can_touch(model: mujoco.MjModel) -> bool:
-    """Whether any two geoms of a model may come into contact, wherever they are."""
+    """Whether any two geoms of a model can come into contact, in any pose."""
     import mujoco
 
     flags = mujoco.mjtDisableBit
@@ -158,14 +158,14 @@ def can_touch(model: mujoco.MjModel) -> bool:
 
 
 def friction_note(setup: Setup) -> str:
-    """Which friction the contacts of the model have, for the report."""
+    """A note on the friction of the model's contacts, for the report."""
     import mujoco
 
     model = setup.compiled
     if missing_contacts(setup):
         return (
-            "no geom of the model can touch another, so that nothing gives the forces of the `contact` lines; "
-            "forces that need no contact are stated with `apply` lines"
+            "no geom of the model can touch another, so that nothing supplies the forces of the `contact` lines; "
+            "state forces that need no contact with `apply` lines"
         )
     parts = []
     for geom in range(model.ngeom):

@@ -1,8 +1,8 @@
-"""Whether the contacts of the model can give the solved forces at all, with their moments.
+"""Whether the contacts of the model can supply the solved forces, including their moments.
 
-At every node the generalised force of all ``contact`` lines is fitted by what the contact points in the solved pose
-can give: each a force that presses, within its friction, and no moment but what its ``condim`` allows.  A foot whose
-centre of pressure lies outside its sole is found by that, and a force on a joint that no contact moves.
+At every node the generalised force of all ``contact`` lines is fitted by the forces that the contact points in the
+solved pose can give: each pushes, within its friction, and gives only the moments that its ``condim`` allows.  This
+detects a foot whose centre of pressure is outside its sole, and a force on a joint that no contact can move.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ if TYPE_CHECKING:
 
 
 def beyond_contacts(setup: Setup, motion: Replay) -> float | None:
-    """The largest part of the solved contact forces that no contact gives, as a share of the largest of them.
+    """The largest part of the solved contact forces that no contact can supply, as a share of the largest of them.
 
-    Moments are shares of that force's at the longest lever that a contact has about the joint.  Nodes at which nothing
-    is touched are left to the replay, and so are bodies that touch nothing, and what holds a joint at its limit.
+    Moments are divided by the moment of that force at the longest lever arm that a contact has about the joint.  Nodes
+    at which nothing touches, bodies that touch nothing, and forces that hold a joint at its limit are left to the
+    replay.
 
     Args:
         setup: the motion.
-        motion: its replay, which stands for the joints that are not tied.
+        motion: its replay, which gives the positions of the joints that are not tied.
 
     Returns:
-        The share; None where no contact tells.
+        The share; None if there is no contact to compare with.
     """
     if not len(setup.contact) or not can_touch(setup.compiled):
         return None
@@ -50,7 +51,7 @@ def beyond_contacts(setup: Setup, motion: Replay) -> float | None:
 
 
 class ContactFit:
-    """Node by node what the contact lines ask for and what contacts give."""
+    """The contact forces at each node, and the forces that the model's contacts can supply."""
 
     def __init__(self, setup: Setup) -> None:
         self._setup, self._touching = setup, TouchingModel(setup)
@@ -58,7 +59,9 @@ class ContactFit:
         self._equalities = Equalities(setup.model())
 
     def largest(self) -> float:
-        """The largest solved force, in N; where all lines are moments, the largest of them at the model's extent."""
+        """The largest solved force in N; if all lines are moments, the largest of them divided by the model's
+        extent.
+        """
         size = float(self._model.stat.extent)
         found = []
         for column, (line, channel) in enumerate(
@@ -76,19 +79,23 @@ class ContactFit:
         return self._touching.least_levers()
 
     def asked(self, node: Node) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """What is asked for (nv,), what is given (nv, k), the longest levers (nv,); None where nothing is touched."""
+        """The required force (nv,), the edges of the cones (nv, k), the longest lever arms (nv,); None if nothing
+        touches.
+        """
         if not pose(self._setup, self._model, self.data, node):
             return None
         edges, _, reach = self.edges(widened=limits.FRICTION_MISSING if node.ends_in_a_jump else 0.0)
         return self.force(node), np.array([*edges, *self.free()]).reshape(-1, self._model.nv).T, reach
 
     def force(self, node: Node) -> FloatArray:
-        """(nv,) what the contact lines amount to where that lasts, in the pose that the simulation is in."""
+        """(nv,) the generalised force of the contact lines, averaged over a step that ends in a jump, in the present
+        pose.
+        """
         self._setup.contact.apply(self._model, self.data, node.lasting)
         return self.data.qfrc_applied.copy()
 
     def free(self) -> list[FloatArray]:
-        """The generalised forces (nv,) that may be anything in this pose, each with its opposite."""
+        """The generalised forces (nv,) that are not limited in this pose, each with its opposite."""
         free = [
             self._direction(column) for column in range(len(self._setup.contact)) if self._is_free(column)
         ]
@@ -102,7 +109,9 @@ class ContactFit:
         return cone_edges(self._model, self.data, slid, widened)
 
     def _is_free(self, column: int) -> bool:
-        """Whether a line may be anything here: at a limit of its joint, or on a body that touches nothing."""
+        """Whether the force of a line is not limited here: at a limit of its joint, or on a body that touches
+        nothing.
+        """
         joint = self._touching.joints.get(column)
         if joint is not None:
             return bool(self._model.jnt_limited[joint])

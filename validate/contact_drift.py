@@ -1,10 +1,10 @@
-"""How far what stands moves: the solved motion of contact points while contact forces act on them.
+"""The drift of standing contacts: the displacement of contact points in the solved motion while contact forces act on
+them.
 
-A spec may hold a foot by its acceleration alone, or by anything else: at the frames and between them the method moves
-it by its error, and an optimiser may make use of that.  Where each contact point of the model is, and how fast, is
-asked of MuJoCo's kinematics along the solved motion, at the frames and between them.  A sphere may roll: what counts is
-the way of the material points that touch, one after the other.  What slides with its friction does not stand, and what
-stands on something that moves goes with it: both are left out.
+A spec may constrain a foot by its acceleration alone; then the errors of the method move it, and an optimiser can
+exploit this.  The position and velocity of each contact point come from MuJoCo's kinematics along the solved motion,
+at and between the frames.  For a sphere, which may roll, the displacement of the material points that touch is summed.
+Contacts that slide with friction, or stand on a moving body, are left out.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ class Stand:
     """A contact point over some frames on which a force acts.
 
     Attributes:
-        name: of the point, as the replay's lines have it.
-        first, last: frames.
-        drift: how far it has moved from where it began, at most, in m.
-        frame: where that is, a fraction between frames.
+        name: name of the point in the replay's lines.
+        first, last: first and last frame.
+        drift: largest distance from its first position, in m.
+        frame: frame of that distance; may be fractional.
     """
 
     name: str
@@ -53,11 +53,11 @@ class Stand:
 
 
 def contact_drift(setup: Setup, ground: Sequence[ContactForces] = ()) -> list[Stand]:
-    """How far each contact point moves while a force acts on it.
+    """The drift of each contact point while a force acts on it.
 
     Args:
         setup: the motion.
-        ground: tells which bodies slide.
+        ground: the contact forces, which show which bodies slide.
     """
     import mujoco
 
@@ -78,7 +78,7 @@ def contact_drift(setup: Setup, ground: Sequence[ContactForces] = ()) -> list[St
 
 
 def drift_metrics(stands: Sequence[Stand]) -> list[Metric]:
-    """The farthest that each contact point moves while it stands."""
+    """The largest drift of each contact point."""
     worst: dict[str, Stand] = {}
     for stand in stands:
         if stand.name not in worst or stand.drift > worst[stand.name].drift:
@@ -92,15 +92,15 @@ def drift_metrics(stands: Sequence[Stand]) -> list[Metric]:
 
 
 def drift_notes(stands: Sequence[Stand]) -> list[str]:
-    """What is to be said of contacts that move too far."""
+    """A note on the contact that moves farthest, if it moves too far."""
     far = [stand for stand in stands if not stand.drift <= limits.STANDS]
     if not far:
         return []
     worst = max(far, key=lambda stand: stand.drift)
     return [
         f"{worst.name} stands on frames {worst.first} to {worst.last} and moves by {worst.drift:.2g} m until "
-        f"frame {worst.frame:g}: the forces of this motion are those of a place that gives way; more frames, or rows "
-        "for its place and velocity, hold it"
+        f"frame {worst.frame:g}: its acceleration is zero at the nodes, but its place drifts between them; use more "
+        "frames, or constrain its place and velocity as well"
     ]
 
 
@@ -135,7 +135,7 @@ def _stands(setup: Setup, lines: Sequence[int]) -> Iterator[tuple[int, int]]:
 def _on_what_moves(
     setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, place: Place, frame: int
 ) -> bool:
-    """Whether what a body touches at a frame is a body that moves."""
+    """Whether the body touches a moving body at a frame."""
     import mujoco
 
     setup.reference.put(data, setup.reference.at("after", frame)[:2])
@@ -152,7 +152,7 @@ def _on_what_moves(
 def _moved(
     setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, place: Place, first: int, last: int
 ) -> tuple[float, float]:
-    """How far a point has moved from where it was at a frame, at most, in m, and at which frame that is."""
+    """The largest distance of a point from its position at a frame, in m, and the frame at which it occurs."""
     times: list[float] = [float(first)]
     states: list[Sequence[FloatArray]] = [setup.reference.at("after", first)[:2]]
     for step in range(first, last):
@@ -178,7 +178,7 @@ def _ways(
     setup: Setup,
     states: Sequence[Sequence[FloatArray]],
 ) -> FloatArray:
-    """(k, p, 3) where the points of a place are in k states; of a sphere the velocity of the one that touches."""
+    """(k, p, 3) positions of the points of a place in k states; for a sphere, the velocity of the touching point."""
     import mujoco
 
     found = []
@@ -197,7 +197,7 @@ def _ways(
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, place: Place) -> list[FloatArray]:
-    """From a place to the points that are looked at: of the face of a box its corners, elsewhere itself."""
+    """The points to follow for a place: the corners of the face of a box, otherwise the place itself."""
     import mujoco
 
     if place.kind != "geom" or int(model.geom_type[place.index]) != int(mujoco.mjtGeom.mjGEOM_BOX):

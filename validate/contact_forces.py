@@ -1,12 +1,11 @@
-"""The ground's forces: what the solution says against what MuJoCo's contacts give in the replay.
+"""The ground forces: those of the solution compared with those of MuJoCo's contacts in the replay.
 
-What the contacts of each body that a ``contact`` line speaks of give is added up through the replay, and compared as
-means over short windows: MuJoCo's contacts are soft and bounce, so that at an instant a force may be anything.  Windows
-with a velocity jump are left out, where its impulse would count as a force.  Right after a touchdown the forces
-oscillate where the solved ones do not, so that the median of the differences and their 90th percentile are judged and
-not the largest.  Differences are shares of the whole force: a part of it that is nothing has no scale of its own.  A
-solved force must also press, and lie in the cone that the model's friction allows, at every node; under what slides
-it must be the friction.
+For each body with a ``contact`` line, the forces of its contacts in the replay are averaged over short windows, since
+MuJoCo's contacts are soft and bounce, so that a force at an instant means little.  Windows with a velocity jump are
+left out, because the impulse would count as a force.  Right after a touchdown the forces oscillate while the solved
+ones do not; therefore the median and the 90th percentile of the differences are judged, and not the largest one.
+Differences are shares of the whole force, since a component that is zero has no scale.  A solved force must also push,
+and lie in the cone of the model's friction, at every node; under a body that slides it must be the full friction.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ class ContactForces:
     Attributes:
         body: its name.
         time: (n+1,) seconds.
-        solved: by part (``fx`` ... ``mz``), (n+1,) what the solution says, after jumps.
+        solved: by part (``fx`` ... ``mz``), (n+1,) the solved values, after jumps.
         found: by part what MuJoCo's contacts give in the replay; NaN after a breakdown.
         solved_means: by part (k,) of the solved force.
         found_means: by part (k,) of what MuJoCo's contacts give in the replay; NaN after a breakdown.
@@ -56,10 +55,10 @@ class ContactForces:
             largest at each frame; NaN at frames without a contact.
         normal: (n+1, 3) the direction in which the contacts press on the body; NaN where there are none or several.
         slides: (n+1,) whether the body slides in the solved motion and has its friction.
-        size: of the body, in m: what a force is multiplied by to be compared with a torque.
+        size: of the body, in m: factor by which a force is multiplied to be compared with a torque.
         at_nodes: the solved force and what the body touches at all nodes; None for the frames, after jumps.
         sliding: how the body slides at the nodes, where it does.
-        swings: (n+1,) whether its contacts' velocities swing from node to node, and with them what answers them.
+        swings: (n+1,) whether the velocities of its contacts alternate from node to node.
     """
 
     body: str
@@ -78,17 +77,17 @@ class ContactForces:
 
     @property
     def judged(self) -> NodeForces:
-        """The forces that must press and stay within the friction."""
+        """The forces that must push and stay within the friction."""
         return self.at_nodes or NodeForces(self.time, self.force, self.force, self.friction, self.normal)
 
     @property
     def force(self) -> FloatArray:
-        """(n+1, 3) the solved force, zero along axes that no line speaks of."""
+        """(n+1, 3) the solved force; zero along axes without a line."""
         nothing = np.zeros(len(self.time))
         return np.stack([self.solved.get(part, nothing) for part in _PARTS[:3]], axis=1)
 
     def scale(self, part: str) -> float:
-        """What a difference in a part is a share of, in N or N m: the largest solved force; its torque; 0 without."""
+        """The force or torque by which differences of a component are divided, in N or N m; 0 without one."""
         force = float(np.linalg.norm(self.judged.force, axis=1).max(initial=0.0))
         if part in _PARTS[:3]:
             return force
@@ -102,7 +101,7 @@ def contact_forces(setup: Setup, motion: Replay, meter: ContactMeter) -> list[Co
     Args:
         setup: the motion.
         motion: its open-loop replay.
-        meter: what looked on.
+        meter: the contact forces recorded during the replay.
     """
     if not meter.columns:
         return []
@@ -151,11 +150,11 @@ def contact_forces(setup: Setup, motion: Replay, meter: ContactMeter) -> list[Co
 
 
 def windows_of(time: FloatArray, jumps: list[int], slides: FloatArray) -> FloatArray:
-    """(k, n) what makes means of the impulses of the frame steps, one row a window, in 1/s.
+    """(k, n) weights that make means of the impulses of the frame steps, one row per window, in 1/s.
 
-    From each frame on goes the shortest window that is long enough, if it is free of jumps; a motion that is shorter is
-    one window.  Over a body that slides a window is longer and its weights rise and fall in straight lines: what a
-    bounce takes off such a mean is its height over the square of the window's length.
+    A window begins at each frame and is the shortest one that is long enough and free of jumps; a motion that is
+    shorter is one window.  For a body that slides, windows are longer and their weights are triangular: the effect of
+    a bounce on such a mean is its height divided by the square of the window's length.
     """
     rows = []
     for first in range(len(time) - 1):
@@ -176,7 +175,7 @@ def windows_of(time: FloatArray, jumps: list[int], slides: FloatArray) -> FloatA
 
 
 def _end(time: FloatArray, first: int, length: float, steps: int) -> int | None:
-    """The last frame of a window of so many seconds and frame steps at least; None where the motion ends before."""
+    """The last frame of a window of at least the given seconds and frame steps; None if the motion ends before."""
     least = min(length, float(time[-1] - time[0]))
     last = max(
         int(np.searchsorted(time, time[first] + least * (1.0 - 1e-9))), first + min(steps, len(time) - 1)
@@ -185,7 +184,9 @@ def _end(time: FloatArray, first: int, length: float, steps: int) -> int | None:
 
 
 def _size(model: mujoco.MjModel, body: int) -> float:
-    """How far from the origin of a body's frame its geoms reach, in m; its radius of gyration where it has none."""
+    """The largest distance of its geoms from the origin of a body's frame, in m; its radius of gyration without
+    geoms.
+    """
     import mujoco
 
     data = mujoco.MjData(model)
@@ -198,7 +199,7 @@ def _size(model: mujoco.MjModel, body: int) -> float:
 
 
 def _wrenches(setup: Setup, motion: Replay, meter: ContactMeter) -> dict[int, FloatArray]:
-    """Per body (n+1, 6) force and torque about its origin, in the world, in the replay; NaN where that broke down."""
+    """Per body (n+1, 6) force and torque about its origin in the replay, in the world frame; NaN after a breakdown."""
     import mujoco
 
     model, n = setup.model(), setup.solution.n
@@ -220,7 +221,9 @@ def _wrenches(setup: Setup, motion: Replay, meter: ContactMeter) -> dict[int, Fl
 
 
 def contact_force_metrics(forces: list[ContactForces]) -> list[Metric]:
-    """How much of the model's friction the solved forces use, and how near MuJoCo's forces come to them."""
+    """The share of the model's friction that the solved forces use, and the differences between MuJoCo's and solved
+    forces.
+    """
     metrics = []
     for one in forces:
         metrics += [*_cone_metrics(one), *_sliding_metrics(one)]
@@ -250,7 +253,7 @@ def _acting(one: ContactForces) -> FloatArray:
 
 
 def _cone_metrics(one: ContactForces) -> list[Metric]:
-    """Whether the solved forces press, and with how much of the friction; where contacts tell how."""
+    """Whether the solved forces push, and the share of the friction that they use, if there are contacts."""
     # Where the replay touches a frame earlier or later than the solution, the nearest node tells.
     seen = one.judged
     told = np.flatnonzero(np.isfinite(seen.normal[:, 0]))
@@ -284,8 +287,8 @@ def _cone_metrics(one: ContactForces) -> list[Metric]:
 
 
 def _sliding_metrics(one: ContactForces) -> list[Metric]:
-    """How far the body slides with another force than its friction; nothing where it does not slide."""
+    """The distance over which the body slides with a force other than its friction; empty if it does not slide."""
     if one.sliding is None or not one.sliding.slides.any():
         return []
     way, limit = one.sliding.way_without, limits.SLID_WITHOUT_FRICTION
-    return [Metric("friction missing, way slid without it", f"body {one.body}", way, "m", limit)]
+    return [Metric("friction missing, distance slid without it", f"body {one.body}", way, "m", limit)]

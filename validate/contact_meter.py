@@ -1,8 +1,8 @@
-"""Contacts of a model: where they touch the bodies of the ``contact`` lines, and what they give over time.
+"""The contacts of a model: where they touch the bodies of the ``contact`` lines, and their forces over time.
 
-MuJoCo's contacts give their forces in bursts: a body that slides on stiff ground leaves it again and again for a
-fraction of a millimetre, so that a force at an instant says little where its mean is right.  The meter adds up what
-acts on each body through a replay, with the weights that the integrator itself gives to its stages.
+MuJoCo's contacts act in bursts: a body that slides on stiff ground leaves it repeatedly by a fraction of a millimetre,
+so that a force at an instant means little although its mean is right.  The meter integrates the force on each body
+through a replay, with the weights of the integrator's stages.
 """
 
 from __future__ import annotations
@@ -27,13 +27,15 @@ TOUCHES = 1e-3
 
 
 def welded(model: mujoco.MjModel, body: int) -> set[int]:
-    """The bodies that move as one with a body, itself among them; of what is fixed to the world the body alone."""
+    """The bodies that are welded to a body, including itself; for a body that is fixed to the world, only itself."""
     whole = int(model.body_weldid[body])
     return {int(one) for one in np.flatnonzero(model.body_weldid == whole)} if whole else {body}
 
 
 def touchable(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same model, finding contacts up to :data:`TOUCHES` before they touch: rounding decides nothing then."""
+    """The same model with contacts detected up to :data:`TOUCHES` before they touch, so that rounding does not
+    decide.
+    """
     model.geom_margin[:] = np.maximum(model.geom_margin, TOUCHES)
     model.pair_margin[:] = np.maximum(model.pair_margin, TOUCHES)
     return model
@@ -62,7 +64,7 @@ def touching(
 def contact_jacobian(
     model: mujoco.MjModel, data: mujoco.MjData, number: int
 ) -> tuple[FloatArray, FloatArray]:
-    """(3, nv) velocity, and turning speed, of a contact's second geom relative to its first, where they touch."""
+    """(3, nv) velocity, or angular velocity, of a contact's second geom relative to its first, at the contact point."""
     import mujoco
 
     contact = data.contact[number]
@@ -83,12 +85,12 @@ def contact_velocity(model: mujoco.MjModel, data: mujoco.MjData, number: int) ->
 
 
 class ContactMeter:
-    """Adds up what contacts give to the bodies of the ``contact`` lines.
+    """Integrates the forces that contacts exert on the bodies of the ``contact`` lines.
 
     Attributes:
-        columns: per body and part (``fx`` ... ``mz``) which contact lines speak of it.  Bodies that are welded together
-            are one; of one with forces elsewhere than at its origin, or on several of its bodies, torques are left out:
-            they have arms.
+        columns: per body and component (``fx`` ... ``mz``) its contact lines.  Bodies that are welded together count as
+            one.  Torques are left out for a body with forces away from its origin, or on several of its bodies, since
+            these forces have lever arms.
         impulses: per body (n, 6) the impulse in N s and its moment about the body's origin in N m s, along the world's
             axes, during each frame step.
     """
@@ -115,7 +117,7 @@ class ContactMeter:
         self.impulses = {body: np.zeros((setup.solution.n, 6)) for body in self.columns}
 
     def add(self, frame: int, model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
-        """Let what the contacts give now act for some time of a frame step."""
+        """Add the present contact forces, acting for some time of a frame step."""
         if data.ncon or self._grips:
             for body, wrench in self.wrenches(model, data).items():
                 self.impulses[body][frame] += seconds * wrench

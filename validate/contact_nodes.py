@@ -1,8 +1,8 @@
-"""The nodes of a solved motion in the order of time, and what touches what there.
+"""The nodes of a solved motion in the order of time, and the contacts of each body there.
 
-A method imposes the equations of motion at its nodes, both sides of a frame where something jumps and, for
-hermite-simpson, the midpoints of the steps: what is asked of the solved contact forces is asked at all of them.  Looked
-at on one side only, a floor may pull just before a take-off or at every midpoint.
+A method imposes the equations of motion at its nodes: on both sides of a frame with a jump and, for hermite-simpson,
+at the midpoints of the steps.  The solved contact forces are checked at all of them; if only one side were checked, a
+floor could pull just before a take-off or at every midpoint.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Node:
         part: ``before`` or ``after`` a frame, or ``mid`` of a step.
         index: of the frame or step.
         time: in seconds.
-        position: (nq,) of the replay, which stands for the joints that are not tied.
+        position: (nq,) position in the replay, for the joints that are not tied.
         velocity: (nv,) likewise.
         forces: (k,) the values of the contact lines.
         lasting: (k,) the same, but in a step that ends in a jump of one of them their means over the step: a law of
@@ -53,13 +53,13 @@ class Node:
 
     @property
     def ends_in_a_jump(self) -> bool:
-        """Whether the means count."""
+        """Whether the step ends in a jump, so that means are used."""
         return self.lasting is not self.forces
 
 
 @dataclass(frozen=True, slots=True)
 class NodeForces:
-    """The solved force on one body at m nodes, and what the body touches there.
+    """The solved force on one body at m nodes, and its contacts there.
 
     Attributes:
         time: (m,) seconds.
@@ -110,7 +110,7 @@ def nodes_of(setup: Setup, motion: Replay) -> list[Node]:
 
 
 def step_integrals(setup: Setup, nodes: list[Node]) -> FloatArray:
-    """(n, m) what makes of values at the nodes their integrals over each step, by the method's own quadrature."""
+    """(n, m) weights that give the integral over each step from values at the nodes, by the method's own quadrature."""
     steps = np.diff(setup.solution.time)
     simpson = setup.solution.method == "hermite-simpson"
     end = 1.0 / 6.0 if simpson else 0.5
@@ -146,7 +146,7 @@ def _halfway(setup: Setup, motion: Replay, step: int) -> tuple[FloatArray, Float
 
 
 def nearest_node(nodes: list[Node], frames: int) -> np.ndarray:
-    """(frames,) for each frame the node on its right side, else on its left, else the nearest there is."""
+    """(frames,) the node for each frame: on its right side, else on its left, else the nearest one."""
     at = np.array([node.index + (0.5 if node.part == "mid" else 0.0) for node in nodes])
     distance = np.abs(np.arange(frames)[:, None] - at)
     return distance.shape[1] - 1 - np.argmin(distance[:, ::-1], axis=1)
@@ -155,14 +155,14 @@ def nearest_node(nodes: list[Node], frames: int) -> np.ndarray:
 def pose(
     setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, node: Node, bodies: Iterable[int] = ()
 ) -> bool:
-    """Put a simulation into the solved pose, or into the replay's where that one touches and the solved one does not.
+    """Set a simulation to the solved pose, or to the replay's if that one touches and the solved one does not.
 
     Args:
         setup: the motion.
-        model: its model, which finds contacts a little before they touch.
-        data: of the simulation; its velocities become the solved ones in either pose.
-        node: where.
-        bodies: those that are to touch something; any where there are none.
+        model: its model, which detects contacts a little before they touch.
+        data: the simulation; its velocities become the solved ones in either pose.
+        node: the node.
+        bodies: the bodies that should touch something; any body if empty.
 
     Returns:
         Whether the solved pose touches.
@@ -186,7 +186,8 @@ def pose(
 def node_forces(
     setup: Setup, model: mujoco.MjModel, nodes: list[Node], columns: dict[int, dict[str, list[int]]]
 ) -> dict[int, NodeForces]:
-    """The solved forces on bodies at the nodes and what each body touches in the solved pose, or else in the replay's.
+    """The solved forces on bodies at the nodes, and the contacts of each body in the solved pose, or else in the
+    replay's.
 
     Args:
         setup: the motion.

@@ -1,9 +1,9 @@
-"""Equalities that a solved motion keeps by their rates alone: closed at first, they drift open between the frames.
+"""Equalities that drift open between the frames because the spec states only their velocities or accelerations.
 
 A loop may be stated by its accelerations (index reduction: E. Hairer and G. Wanner, Solving Ordinary Differential
-Equations II, 1996, section VII.2).  At every frame the accelerations of the joints then fit the loop, and what the
-method leaves over a step is never taken back.  Joint lines that mean another mechanism look otherwise: they do not fit
-the equality in their accelerations either, or not at the first frame.
+Equations II, 1996, section VII.2).  At every frame the accelerations of the joints then fit the loop, but the error of
+each step is never corrected.  Wrong joint lines look different: their accelerations do not fit the equality either, or
+the equality is broken at the first frame already.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ _CLOSED = 0.01
 
 
 def drifting_equalities(setup: Setup) -> list[str]:
-    """Names of the equalities that hold at the first frame and by their rates at all, but not by their positions."""
+    """Names of the equalities that hold at the first frame and whose rates hold at all frames, but not their
+    positions.
+    """
     model = setup.model(contacts=False)
     if not model.neq or setup.untied is not None or not all(tie.knows_acceleration for tie in setup.ties):
         return []
@@ -58,7 +60,9 @@ def _bend(gaps: FloatArray) -> float:
 
 
 def _along(setup: Setup, model: mujoco.MjModel, frame: int, whole: bool) -> list[dict[int, FloatArray]]:
-    """What breaks each equality before, at and after a frame, on the way that velocities and accelerations tell."""
+    """The residuals of each equality before, at and after a frame, extrapolated with the velocities and
+    accelerations.
+    """
     import mujoco
 
     data = mujoco.MjData(model)
@@ -75,7 +79,7 @@ def _along(setup: Setup, model: mujoco.MjModel, frame: int, whole: bool) -> list
 
 
 def _rates(setup: Setup, model: mujoco.MjModel, index: int) -> tuple[float, float]:
-    """How fast an equality breaks at the frames, at most, and how fast it would if single joints moved alone."""
+    """The largest rate of each residual at the frames, and its rate if single joints moved alone."""
     import mujoco
 
     from stc.validate.equalities import constraint_rows

@@ -1,9 +1,9 @@
-"""Dry friction of joints, as MuJoCo has it: Coulomb's law, but where a joint hardly moves.
+"""Dry friction of joints by MuJoCo's law: Coulomb's law, except where a joint hardly moves.
 
-MuJoCo's dry friction is a constraint that gives way. With the bound F, the force at a velocity v and an acceleration
-a is -F clip((a + b v)/(F R), -1, 1), where the damping b and the softness R follow from ``solreffriction``,
-``solimpfriction`` and the joint's inertia (MuJoCo's documentation, "Computation: the constraint model"). So it has its
-bound as soon as a joint moves visibly.  A motion may state either law, MuJoCo's with its corners rounded.
+MuJoCo's dry friction is a soft constraint.  With the bound F, the force at a velocity v and an acceleration a is
+-F clip((a + b v)/(F R), -1, 1), where the damping b and the softness R follow from ``solreffriction``,
+``solimpfriction`` and the joint's inertia (MuJoCo's documentation, "Computation: the constraint model").  It therefore
+has its full value as soon as a joint moves visibly.  A motion may state either law, MuJoCo's with rounded corners.
 """
 
 from __future__ import annotations
@@ -70,10 +70,10 @@ class DryFriction:
         return np.where(loose, 1.0, rounded)
 
     def without(self, force: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
-        """(nv,) what is left of generalised forces when all is taken away that dry friction can be.
+        """(nv,) the part of generalised forces that dry friction cannot explain.
 
-        That is anything within its bound where all of it may be missing; else the bound against the motion, up to the
-        share that may.
+        Where all of the bound may be missing, friction is anything within it; elsewhere it is the bound against the
+        motion, up to the share that may be missing.
         """
         missing = self.missing(velocity, acceleration)
         full = -self.loss * np.sign(velocity)

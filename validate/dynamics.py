@@ -1,6 +1,6 @@
 """The model's smooth equations of motion, M(q) a + c(q, v) = forces, as arrays.
 
-Smooth means without what MuJoCo's constraint solver adds: contacts, joint limits, dry friction, equalities.
+"Smooth" excludes the forces of MuJoCo's constraint solver: contacts, joint limits, dry friction, equalities.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class SmoothDynamics:
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Take over a model; its constraints and the clamping of its actuators are switched off."""
+        """Use a model, with its constraints and the clamping of its actuators switched off."""
         import mujoco
 
         flags = mujoco.mjtDisableBit
@@ -35,7 +35,7 @@ class SmoothDynamics:
         self.model, self.data = model, mujoco.MjData(model)
 
     def put(self, position: FloatArray, velocity: FloatArray | None = None) -> None:
-        """Go to a state, at rest unless a velocity is given."""
+        """Set the state; the velocity is zero unless it is given."""
         self.data.qpos[:] = position
         self.data.qvel[:] = 0.0 if velocity is None else velocity
 
@@ -49,7 +49,9 @@ class SmoothDynamics:
         return full
 
     def bias(self) -> FloatArray:
-        """(nv,) c in the present state: gravity, springs, velocity products, damping, all as on the left side."""
+        """(nv,) c in the present state: gravity, springs, velocity products, damping, with the sign of the left
+        side.
+        """
         import mujoco
 
         mujoco.mj_fwdPosition(self.model, self.data)
@@ -76,7 +78,7 @@ class SmoothDynamics:
 
 
 def mass_matrices(setup: Setup, count: int) -> Iterator[FloatArray]:
-    """(nv, nv) each: M at so many frames of the solved motion, spread evenly."""
+    """(nv, nv) each: M at a number of frames of the solved motion, spread evenly."""
     dynamics = SmoothDynamics(setup.model())
     for frame in np.unique(np.linspace(0, setup.solution.n, count).astype(int)):
         setup.reference.put(dynamics.data, setup.reference.at("after", int(frame))[:2])

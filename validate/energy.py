@@ -1,8 +1,8 @@
-"""Energy balance: between frames the model's mechanical energy must change by the work that was done on it.
+"""Energy balance: between frames the model's mechanical energy must change by the work done on it.
 
-Energy and power are MuJoCo's, along the solved motion: kinetic energy and the potentials of gravity and springs
-on one side; actuators, dampers, media, dry friction and outer forces on the other.  Where velocities jump the
-balance is closed before the jump and opened anew after it.
+Energy and power are computed by MuJoCo along the solved motion: kinetic energy and the potentials of gravity and
+springs on one side; actuators, dampers, media, dry friction and external forces on the other.  At a jump of velocities
+the balance ends and starts again.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _STILL = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class EnergyBalance:
-    """The books of a motion, in joules.
+    """The energy balance of a motion, in J.
 
     Attributes:
         defect: largest absolute value of the accumulated difference between energy and work.
-        turnover: what passes through the books: the work counted absolutely, the kinetic energy, the change of
-            potential energy or that of both together, whichever is largest.  A free flight and a free pendulum do no
-            work and keep their energy, but exchange one kind for the other.
+        turnover: the scale of the balance: the largest of the absolute work, the kinetic energy, the change of
+            potential energy and that of both together.  In a free flight and a free pendulum no work is done, but one
+            kind of energy is exchanged for the other.
         jumps: energy that appears (positive) or disappears where velocities jump, largest in size.
     """
 
@@ -55,8 +55,8 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
     """The energy balance of a solved motion.
 
     Returns:
-        None where it cannot be drawn up: of a joint that is not tied it is not known how it moves, an actuator has a
-        state that the solution does not tell, or the motion has one frame only.
+        None if it cannot be computed: the motion of an untied joint is not known, an actuator has a
+        state that the solution does not contain, or the motion has one frame only.
     """
     import mujoco
 
@@ -121,7 +121,7 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
 
 
 def _powers(model: mujoco.MjModel, data: mujoco.MjData, friction: FloatArray) -> FloatArray:
-    """(nv + tendons,) power of all that is neither inertia nor potential, per degree of freedom and tendon, in W."""
+    """(nv + tendons,) power of all forces except inertia and potentials, per degree of freedom and tendon, in W."""
     # MuJoCo counts gravity and springs as potentials, and compensated gravity not at all.  Where actuators
     # compensate it, it is among their forces already.
     compensated = np.where(model.jnt_actgravcomp[model.dof_jntid], 0.0, data.qfrc_gravcomp)

@@ -1,4 +1,4 @@
-"""The equalities of a model: loops that are closed, joints that are geared to each other."""
+"""The equalities of a model: closed loops, and joints that are geared to each other."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 class Equalities:
-    """What the equalities of a model can give, position by position.
+    """The forces that the equalities of a model can give, for each position.
 
     All vectors are in the model's own order of coordinates.
 
     Args:
-        model: with its constraints; its contacts are of no account.
+        model: the model with its constraints; its contacts are not used.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -34,7 +34,7 @@ class Equalities:
         return np.asarray(directions @ np.linalg.lstsq(directions, force, rcond=None)[0])
 
     def without(self, position: FloatArray, force: FloatArray) -> FloatArray:
-        """(nv,) what is left of a generalised force without all that the equalities could give in this position."""
+        """(nv,) the part of a generalised force that the equalities cannot give in this position."""
         return force - self.given(position, force)
 
     def directions(self, position: FloatArray) -> FloatArray:

@@ -1,10 +1,9 @@
-"""Which number of the model explains a residual of the inverse dynamics.
+"""The number of the model that explains a residual of the inverse dynamics.
 
-Where the solved forces do not give the solved accelerations, one number of the model is often another one than that of
-the equations which the motion was solved with.  Each that the residual may depend on is fitted by itself (by Gauss and
-Newton's method, of which one step is exact for masses, inertias, armatures, damping, stiffness, gear and gravity), and
-an axis of a joint is exchanged for each axis of its frame.  What leaves next to nothing of the residual is named, with
-the value that does.
+If the solved forces do not produce the solved accelerations, often one number of the model differs from that in the
+spec's equations.  Each number that can influence the residual is fitted alone, by the Gauss-Newton method, of which
+one step is exact for masses, inertias, armatures, damping, stiffness, gear and gravity.  The axis of a joint is
+exchanged for each axis of its frame.  A number that removes almost all of the residual is named, with its fitted value.
 """
 
 from __future__ import annotations
@@ -53,10 +52,10 @@ class _Numbers:
     """Numbers of a model that are fitted together.
 
     Attributes:
-        title: as a spec's ``set`` line would name them, or how they are told of.
-        array: which holds them.
+        title: their name in a ``set`` line of a spec, or in messages.
+        array: the array of the model that holds them.
         at: their indices in it.
-        size: what a change of them is compared with.
+        size: the scale of a change.
         positive: whether they cannot be negative.
     """
 
@@ -79,7 +78,7 @@ class _Numbers:
 
 
 def explanation(setup: Setup) -> str:
-    """The numbers of the model that explain the residual, in words; "" where none does or it cannot be said."""
+    """The numbers of the model that explain the residual, in words; "" if none does or it cannot be determined."""
     if not setup.all_tied or not setup.reference.has_acceleration or setup.compiled.na or setup.compiled.neq:
         return ""
     residuals = _Residuals(setup)
@@ -99,7 +98,7 @@ def explanation(setup: Setup) -> str:
         if left <= _EXPLAINED * size:
             single.append((left, title))
     best = [told for _, told in sorted(single or several)[:_NAMED]]
-    return f"it would be nothing if in the model {', or '.join(best)}" if best else ""
+    return f"it would vanish if in the model {', or '.join(best)}" if best else ""
 
 
 class _Residuals:
@@ -113,7 +112,7 @@ class _Residuals:
         self._places = [places[k] for k in chosen]
 
     def of(self, model: mujoco.MjModel) -> FloatArray:
-        """(nodes * nv,) the residuals in a model; infinite where MuJoCo cannot change it so."""
+        """(nodes * nv,) the residuals in a model; infinite if MuJoCo cannot change it in this way."""
         import mujoco
 
         flags, setup = mujoco.mjtDisableBit, self._setup
@@ -141,7 +140,7 @@ class _Residuals:
         return np.concatenate(found)
 
     def fitted(self, numbers: _Numbers, given: FloatArray) -> tuple[FloatArray, float]:
-        """The values with which least is left of the residual, and how much that is."""
+        """The values that minimise the residual, and the remaining residual."""
         model = copy.copy(self._setup.compiled)
         values, residual = numbers.read(model), given
         left = float(np.linalg.norm(residual))
@@ -171,7 +170,7 @@ class _Residuals:
 
 
 def _candidates(model: mujoco.MjModel) -> Iterator[_Numbers]:
-    """Numbers of a model that a residual may come from, one by one, then inertias and gears together."""
+    """Numbers of a model that can cause a residual, one by one, then inertias and gears together."""
     bodies = [model.body(body).name or f"body{body}" for body in range(model.nbody)]
     weight, length = float(model.body_mass.max()), float(model.stat.extent)
     inertia = float(model.body_inertia.max()) or weight * length**2
@@ -212,7 +211,7 @@ def _candidates(model: mujoco.MjModel) -> Iterator[_Numbers]:
 
 
 def _other_axes(model: mujoco.MjModel) -> Iterator[tuple[str, mujoco.MjModel]]:
-    """What is told of a joint whose axis is another one of its frame's, and the model with that."""
+    """For a joint whose axis is exchanged for another axis of its frame: its description, and the changed model."""
     import mujoco
 
     for joint, name in enumerate(joint_names(model)):

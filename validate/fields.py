@@ -7,9 +7,9 @@ path                                           field, in MuJoCo's units
 ``option.wind.x`` (``.y``, ``.z``)             wind, m/s
 ``option.density``, ``option.viscosity``       of the surrounding medium
 ``option.impratio``                            friction against normal stiffness of contacts
-``option.solref.time``                         s in which every contact takes back what it has given way by,
-                                               critically damped, with an impedance (solimp) of MuJoCo's
-                                               own 0.9 and 0.95 at least; the time step is half of it at most
+``option.solref.time``                         time constant of every contact, s, critically damped, with an
+                                               impedance (solimp) of at least MuJoCo's default, 0.9 and 0.95;
+                                               the time step is half of it at most
 ``body.NAME.mass``                             mass, kg
 ``body.NAME.inertia.x`` (``.y``, ``.z``)       principal moments of inertia, kg m^2
 ``body.NAME.com.x`` (``.y``, ``.z``)           centre of mass in the body's frame, m
@@ -28,9 +28,9 @@ path                                           field, in MuJoCo's units
 ``actuator.NAME.gear``                         force of the actuator per unit of its control
 =============================================  =============================================================
 
-A line sets this one field and nothing else.  In particular a mass does not scale the body's inertia: a spec
-whose mass changes sets the inertia too if the body turns.  What MuJoCo itself derives from the fields
-(subtree masses, reference inertias) is recomputed.
+A line sets only this field.  In particular, a mass does not scale the body's inertia: if the body rotates, a spec that
+sets the mass must set the inertia too.  Quantities that MuJoCo derives from the fields (subtree masses, reference
+inertias) are recomputed.
 """
 
 from __future__ import annotations
@@ -105,13 +105,13 @@ _OPTIONS: Mapping[str, Mapping[str, int] | None] = {
 
 
 def apply_fields(model: mujoco.MjModel, solution: Solution) -> dict[str, float]:
-    """Set what the spec's ``set`` lines say, and let MuJoCo derive its constants anew.
+    """Set the fields of the spec's ``set`` lines, and let MuJoCo recompute its constants.
 
     Returns:
         The values by path, for the report.
 
     Raises:
-        ModelError: an unknown path, or a value that is no single number.
+        ModelError: an unknown path, or a value that is not a single number.
     """
     values = {line.path: single_number(line) for line in lines_of(solution, "set")}
     set_fields(model, values)
@@ -119,7 +119,7 @@ def apply_fields(model: mujoco.MjModel, solution: Solution) -> dict[str, float]:
 
 
 def set_fields(model: mujoco.MjModel, values: Mapping[tuple[str, ...], float]) -> None:
-    """Set model fields by their paths, and let MuJoCo derive its constants anew.
+    """Set model fields by their paths, and let MuJoCo recompute its constants.
 
     Raises:
         ModelError: an unknown path, or values with which MuJoCo can derive none.
@@ -154,7 +154,7 @@ def _set_option(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> N
 
 
 def _set_stiffness(model: mujoco.MjModel, written: str, time: float) -> None:
-    """Make all contacts as stiff as a time says in which they take back what they give way by."""
+    """Set the time constant of all contacts."""
     if not time > 0.0:
         raise ModelError(f"{written}: a time is above 0, and {time:g} is not")
     for solref, solimp in ((model.geom_solref, model.geom_solimp), (model.pair_solref, model.pair_solimp)):
@@ -168,7 +168,7 @@ def _set_stiffness(model: mujoco.MjModel, written: str, time: float) -> None:
 def _set_field(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> None:
     written = "set " + ".".join(path)
     if path[0] not in _FIELDS:
-        raise ModelError(f"{written}: {path[0]} is nothing to set{nearest(path[0], ['option', *_FIELDS])}")
+        raise ModelError(f"{written}: {path[0]} cannot be set{nearest(path[0], ['option', *_FIELDS])}")
     if len(path) < 3:
         raise ModelError(f"{written}: write {path[0]}.NAME.FIELD, as in body.lamp.mass")
     index = find_object(model, path[0], path[1], written)
@@ -197,7 +197,7 @@ def _set_field(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> No
 
 
 def _begin_to_limit(model: mujoco.MjModel, index: int) -> None:
-    """Let a joint's range count; where the model has none, an end that nobody sets is far away."""
+    """Enable a joint's range; if the model has none, an end that is not set is far away."""
     if not model.jnt_limited[index]:
         model.jnt_limited[index] = 1
         if not model.jnt_range[index].any():

@@ -1,4 +1,4 @@
-"""What drives the model: the controls of its actuators, and forces that act on it from outside.
+"""The inputs of the model: the controls of its actuators, and external forces.
 
 ``actuator NAME = e``
     the control of an actuator; ``actuator NAME.pos = e`` (``.vel``, ``.ff``, ``.voltage``) of one that takes several.
@@ -57,7 +57,7 @@ class Controls(Signals):
         self.addresses = np.array([address for _, address in found], dtype=np.intp)
 
     def beyond_range(self, model: mujoco.MjModel) -> list[str]:
-        """Names of the actuators whose control leaves the range that the model clamps it to."""
+        """Names of the actuators whose control leaves the range to which the model clamps it."""
         found = []
         for name, address, channel in zip(self.names, self.addresses, self.channels):
             if model.actuator_ctrllimited[address]:
@@ -70,7 +70,7 @@ class Controls(Signals):
 
 
 class Activations(Signals):
-    """States of actuators, as ``actuator NAME.activation`` lines tell them: a replay starts there.
+    """States of actuators from ``actuator NAME.activation`` lines; a replay starts with them.
 
     Attributes:
         addresses: (k,) index in MuJoCo's ``act`` of each.
@@ -84,13 +84,13 @@ class Activations(Signals):
 
 
 class Attachments:
-    """Where outer forces act on a model, and what they amount to.
+    """The places at which external forces act on a model, and their generalised forces.
 
     Attributes:
         names: the lines as they are written.
-        places: of each line where it acts; None for lines on joints.
-        parts: of each line with a place, which of force and torque it is: an index in fx, fy, fz, mx, my, mz.
-        dofs: of each line on a joint the degree of freedom; -1 for all others.
+        places: the place of each line; None for lines on joints.
+        parts: the component of each line with a place: an index in fx, fy, fz, mx, my, mz.
+        dofs: the degree of freedom of each line on a joint; -1 for all others.
     """
 
     def __init__(self, model: mujoco.MjModel, lines: Sequence[tuple[str, tuple[str, ...]]]) -> None:
@@ -115,11 +115,11 @@ class Attachments:
         return len(self.names)
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData, values: FloatArray) -> None:
-        """Set ``qfrc_applied`` to what the forces amount to in the state of ``data``.
+        """Set ``qfrc_applied`` to the generalised forces in the state of ``data``.
 
         Args:
             model: the model.
-            data: its ``qpos`` counts; kinematics are brought up to date.
+            data: the simulation; its kinematics are updated for its ``qpos``.
             values: (k,) the forces.
         """
         if not self.names:
@@ -140,7 +140,7 @@ class Attachments:
         data.qfrc_applied[:] += total
 
     def wrenches(self, values: FloatArray) -> dict[Place, FloatArray]:
-        """Per place the force in N and torque in N m, (6,) along the world's axes.
+        """The force in N and torque in N m of each place, (6,) along the world's axes.
 
         Args:
             values: (k,) the forces; generalised ones on joints are left out.
@@ -153,7 +153,7 @@ class Attachments:
 
 
 class OuterForces(Signals):
-    """Forces on the model that are not its actuators': ``apply`` or ``contact`` lines over time.
+    """External forces on the model over time: its ``apply`` or ``contact`` lines.
 
     Attributes:
         where: see :class:`Attachments`.

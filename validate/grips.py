@@ -1,8 +1,8 @@
-"""What holds on for a while: connects of the model that are off at its start and on while the solved motion holds on.
+"""Grips: connects of the model that are off at its start and on while the solved motion holds on.
 
-A hand that grasps a bar holds in every direction, which no contact between geoms does.  A model states it with
-``<connect active="false">`` between two sites, one of which a ``contact`` line of the spec names.  In a replay it is
-on in the frame steps in which that line's solved force is not zero, and MuJoCo finds its force by itself.
+A hand that grasps a bar holds in every direction, which contact between geoms cannot do.  A model states it with
+``<connect active="false">`` between two sites, one of which a ``contact`` line of the spec names.  In a replay the
+connect is on in the frame steps in which that line's solved force is not zero, and MuJoCo computes its force.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """A connect between two sites that may be on or off.
+    """A connect between two sites that can be switched on and off.
 
     Attributes:
         equality: its index in the model.
@@ -38,7 +38,7 @@ class Grip:
     on: np.ndarray
 
     def force(self, data: mujoco.MjData) -> FloatArray:
-        """(3,) what it gives to its first site now, along the world's axes; zero where it is off."""
+        """(3,) the present force on its first site, along the world's axes; zero if it is off."""
         import mujoco
 
         rows = (data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)) & (data.efc_id == self.equality)

@@ -1,18 +1,18 @@
-"""Contacts that press, and grips, hold: what they and outer forces make of small deviations along a motion.
+"""Contacts and grips in the linearised motion, and the effect of external forces on small deviations.
 
-Where a body presses on another, rigid contact keeps the material points that touch from moving against one another;
-where it slides, it keeps them from parting.  A small deviation of the motion then changes the forces of the contacts so
-that this stays true.  With the mass matrix M, the points' Jacobian J and the step h, the map of one step without that,
+If a body presses on another, rigid contact keeps the touching material points from moving relative to one another; if
+it slides, contact keeps them from separating.  A small deviation of the motion changes the contact forces accordingly.
+With the mass matrix M, the points' Jacobian J and the step h, the map of one step without contacts,
 
     deviation of velocities' = A deviation + B change of control,
 
-is followed by the impulse M^-1 J^T l that leaves J times the deviation of positions, which is how far the points have
-been moved against one another, as it was before the step: a foot that came down beside its place stands there.  What
-touches, where and with which axes, are MuJoCo's own contacts in the solved pose; whether it presses is told by the
-solved forces.
+is followed by the impulse M^-1 J^T l that restores J times the deviation of positions to its value before the step.
+(This value is the displacement of the points relative to one another: a foot that came down beside its place stays
+there.) The contacts, with their places and axes, are MuJoCo's own in the solved pose; the solved forces decide whether
+a contact presses.
 
-Forces that keep their direction in the world turn against a body that turns, and their points move with it: what that
-changes in the generalised forces is added too, by finite differences of :meth:`Attachments.apply`.
+Forces with a fixed direction in the world rotate relative to a body that turns, and their points move with the body.
+The resulting change of the generalised forces is added by finite differences of :meth:`Attachments.apply`.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ _MOVED = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Touching:
-    """Two material points that touch.
+    """Two material points in contact.
 
     Attributes:
-        bodies: those that they are fixed in.
-        points: (2, 3) where, in their bodies' frames, in m.
+        bodies: their bodies.
+        points: (2, 3) their positions in their bodies' frames, in m.
         axes: (k, 3) the directions, in the world, in which they may not move against one another.
     """
 
@@ -61,14 +61,14 @@ class Touching:
 
 
 class Holding:
-    """The contacts of a motion that hold, and the outer forces on it, as parts of linear maps."""
+    """The active contacts of a motion, and the external forces on it, as parts of linear maps."""
 
     def __init__(self, setup: Setup, forces: OuterForces, held: bool = True) -> None:
-        """Take over a motion.
+        """Prepare for a motion.
 
         Args:
             setup: the motion and its model.
-            forces: all that act on it from outside, those of contacts included.
+            forces: all external forces, including those of contacts.
             held: whether its contacts hold.
         """
         import mujoco
@@ -96,16 +96,16 @@ class Holding:
         forces: FloatArray,
         pressing: FloatArray,
     ) -> None:
-        """Add to the maps of one step, in place.
+        """Add the effect of contacts and external forces to the maps of one step, in place.
 
         Args:
-            frame: the frame step that it is in.
-            maps: (2 nv, 2 nv) of deviations and (2 nv, m) of changes of control, by an Euler step.
-            positions: (nq,) where the step begins, in its middle, and where it ends.
+            frame: the frame step that contains the step.
+            maps: (2 nv, 2 nv) for deviations and (2 nv, m) for changes of control, by an Euler step.
+            positions: (nq,) at the start, the middle and the end of the step.
             velocity: (nv,) in the middle.
-            step: in s.
-            forces: (k,) the outer forces in the middle.
-            pressing: (c,) those of contacts among them.
+            step: duration in s.
+            forces: (k,) the external forces in the middle.
+            pressing: (c,) the contact forces among them.
         """
         state, control = maps
         nv, middle = self._model.nv, positions[1]
@@ -127,7 +127,9 @@ class Holding:
             found[nv:] += stop
 
     def _touching(self, position: FloatArray, velocity: FloatArray, pressing: FloatArray) -> list[Touching]:
-        """What holds in a state (nq,), (nv,) of the model while the contact lines give ``pressing`` (k,)."""
+        """The active contacts in a state (nq,), (nv,) of the model with values ``pressing`` (k,) of the contact
+        lines.
+        """
         import mujoco
 
         model, data = self._model, self._data
@@ -162,7 +164,7 @@ class Holding:
         ]
 
     def _jacobian(self, position: FloatArray, held: list[Touching]) -> FloatArray:
-        """(r, nv) how fast points that touch in some pose move against one another along their axes, in this one."""
+        """(r, nv) the relative velocity, along their axes, of points that touch in some pose, in this pose."""
         import mujoco
 
         model, data = self._model, self._data
@@ -181,7 +183,7 @@ class Holding:
         return np.concatenate(rows)
 
     def _mass_matrix(self, position: FloatArray, step: float) -> FloatArray:
-        """(nv, nv) the inertia that an Euler step of some length moves, which takes dampers at its end."""
+        """(nv, nv) the inertia of an Euler step of some length, in which dampers act implicitly."""
         import mujoco
 
         model, data, found = self._model, self._data, np.zeros((self._model.nv, self._model.nv))
@@ -191,7 +193,7 @@ class Holding:
         return found + step * np.diag(model.dof_damping)
 
     def _stiffness(self, position: FloatArray, forces: FloatArray) -> FloatArray:
-        """(nv, nv) change of the generalised force of outer forces (k,) with the positions."""
+        """(nv, nv) derivative of the generalised force of external forces (k,) with respect to the positions."""
         import mujoco
 
         model, data = self._model, self._data

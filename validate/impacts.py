@@ -1,10 +1,11 @@
-"""Jumps of velocity: an impulse must come from somewhere.
+"""Jumps of velocity, which need an impulse.
 
-A jump of velocity by dv takes the generalised impulse M dv.  Actuators and applied forces are finite and give
-none; impulses come through the contacts that the spec names.  What no combination of these can give is an
-error.  So is an impulse that pulls, or that lies outside the friction cones of the contacts that the model has in
-that place: a least-squares fit without negative shares of the cones' edges tells how much of it is.
-Whether the contact points give it with its moments, and that there are some, is :mod:`stc.validate.impulse_fit`'s.
+A jump of velocity by dv needs the generalised impulse M dv.  Actuators and applied forces are finite and give none;
+impulses come from the contacts that the spec names.  It is an error if no combination of these can give the impulse,
+or if the impulse pulls or lies outside the friction cones of the model's contacts at that place.  This part is found
+by a nonnegative least-squares fit with the edges of the cones.
+
+:mod:`stc.validate.impulse_fit` checks whether contact points exist and can give the impulse with its moments.
 """
 
 from __future__ import annotations
@@ -35,15 +36,15 @@ _FLAT = 0.5
 
 @dataclass(frozen=True, slots=True)
 class VelocityJumps:
-    """What the velocity jumps of a motion leave unexplained.
+    """The unexplained parts of the velocity jumps of a motion.
 
     Attributes:
-        frames: at which some velocity jumps.
-        residual: (k,) per tied degree of freedom, largest impulse in kg m/s or kg m^2/s that no contact gives.
+        frames: the frames at which a velocity jumps.
+        residual: (k,) per tied degree of freedom, largest impulse in kg m/s or kg m^2/s that no contact can give.
         scale: largest generalised momentum at these frames.
-        outside: largest impulse in the same units that the named contacts give only by pulling or beyond the model's
-            friction; None where the model touches nothing in these places.
-        unfounded: largest part of an impulse, as a share of it, that no contact point gives; None where nothing tells.
+        outside: largest impulse in the same units that the named contacts can give only by pulling or beyond the
+            model's friction; None if the model touches nothing in these places.
+        unfounded: largest part of an impulse, as a share of it, that no contact point can give; None if not known.
     """
 
     frames: list[int]
@@ -66,9 +67,9 @@ class VelocityJumps:
 
 
 def velocity_jumps(setup: Setup) -> VelocityJumps | None:
-    """Look at every frame where a tied joint's velocity jumps; None where there is none or a joint is not tied.
+    """The velocity jumps of a motion; None if there are none or a joint is not tied.
 
-    Frames 0 and n count too: a motion that closes upon itself may jump there.
+    Frames 0 and n are included, since a periodic motion may jump there.
     """
     frames = jumping_frames(setup)
     if not frames or not setup.all_tied:
@@ -115,7 +116,9 @@ def jumping_frames(setup: Setup) -> list[int]:
 
 
 def _left_over(cones: FloatArray, impulse: FloatArray) -> float:
-    """The largest entry of a generalised impulse (nv,) that no sum of the columns (nv, k), none taken away, gives."""
+    """The largest entry of the part of a generalised impulse (nv,) that no nonnegative combination of columns (nv, k)
+    gives.
+    """
     from scipy.optimize import nnls
 
     size = float(np.abs(impulse).max(initial=0.0))
@@ -129,10 +132,10 @@ def _left_over(cones: FloatArray, impulse: FloatArray) -> float:
 
 
 class _Places:
-    """Where the bodies of the ``contact`` lines touch something along the motion, and in which directions that presses.
+    """The contacts of the bodies of the ``contact`` lines along the motion, with their normals.
 
-    The cone of a contact has :data:`_EDGES` edges.  It is the one around the round cone, so that no impulse within the
-    friction is outside; along the axes of the contact lines in a plane it is exact.
+    The cone of a contact has :data:`_EDGES` edges and encloses the round cone, so that no impulse within the friction
+    is outside; along the axes of the contact lines in a plane it is exact.
     """
 
     def __init__(self, setup: Setup) -> None:
@@ -151,7 +154,7 @@ class _Places:
                 self._forces.setdefault(place, {})[part] = column
 
     def cones(self, position: FloatArray, directions: FloatArray) -> FloatArray | None:
-        """The generalised impulses (nv, k) that the edges of all cones give; None where nothing is touched.
+        """The generalised impulses (nv, k) of the edges of all cones; None if nothing touches.
 
         Args:
             position: (nq,) of the model.
@@ -174,7 +177,7 @@ class _Places:
         return np.array(columns).T if touched else None
 
     def _edges(self, body: int, axes: list[int]) -> list[FloatArray]:
-        """Edges of the cones of all contacts of a body, those that lie in the axes of its lines."""
+        """Edges of the cones of all contacts of a body, in the axes of its lines."""
         found = []
         for _, frame, friction in touching(self._model, self._data, welded(self._model, body)):
             found += _cone(frame[0], friction, axes)
@@ -182,7 +185,9 @@ class _Places:
 
 
 def _cone(normal: FloatArray, friction: float, axes: list[int]) -> list[FloatArray]:
-    """Edges of a friction cone: two in a plane that the normal lies in, many in space, the normal without friction."""
+    """Edges of a friction cone: two in a plane that contains the normal, many in three dimensions, the normal without
+    friction.
+    """
     absent = [axis for axis in range(3) if axis not in axes]
     # No line speaks of these axes: the impulse has nothing along them.
     flat = np.array(normal)

@@ -1,9 +1,10 @@
 """Whether the contact points of the model can give the impulses of a motion, with their moments.
 
-What :mod:`stc.validate.contact_cones` asks of forces, at the frames where velocities jump: the generalised impulse of
-all ``contact`` lines is fitted by what presses within its friction where the model touches in that pose.  A joint at a
-stop of its range gets an impulse away from it, and so does a tendon.  Inside the motion the replay judges bodies that
-touch nothing; at its first and last frame no replay goes through the jump, and what touches nothing gives nothing.
+This is the check of :mod:`stc.validate.contact_cones` at the frames where velocities jump: the generalised impulse of
+all ``contact`` lines is fitted by impulses at the contact points in that pose, which push within their friction.  A
+joint at an end of its range may get an impulse away from it, and so may a tendon.  Inside the motion the replay judges
+bodies that touch nothing; at its first and last frame no replay crosses the jump, and a body that touches nothing can
+give no impulse.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ LEAST_IMPULSE = limits.IMPULSE_CONE
 
 
 class ImpulseFit:
-    """Frame by frame which part of an impulse no contact point gives."""
+    """For each frame, the part of an impulse that no contact point can give."""
 
     def __init__(self, setup: Setup) -> None:
         import mujoco
@@ -44,18 +45,18 @@ class ImpulseFit:
     def beyond(
         self, frame: int, position: FloatArray, impulse: FloatArray, directions: FloatArray
     ) -> float | None:
-        """The largest part of an impulse that no contact point gives, as a share of the impulse.
+        """The largest part of an impulse that no contact point can give, as a share of the impulse.
 
         Moments are shares of that at the longest lever that a contact has about the joint.
 
         Args:
-            frame: at which it acts.
+            frame: the frame of the impulse.
             position: (nq,) of the model.
             impulse: (nv,) the generalised impulse of all ``contact`` lines.
             directions: (nv, lines) that of a unit impulse along each of them.
 
         Returns:
-            The share; None where nothing tells, as what touches nothing is left to the replay.
+            The share; None if it is not known, because bodies that touch nothing are left to the replay.
         """
         import mujoco
 
@@ -79,7 +80,7 @@ class ImpulseFit:
         return left_over(columns / levers[:, None], impulse / (levers * size)) if size > 0.0 else 0.0
 
     def _from_stops(self, position: FloatArray, directions: FloatArray) -> list[FloatArray]:
-        """(nv,) what pushes the joints of the lines away from the ends of their ranges that they stand at."""
+        """(nv,) the impulses of joints at an end of their range, away from that end."""
         found: list[FloatArray] = []
         model = self._touching.model
         for column, joint in self._touching.joints.items():
@@ -94,7 +95,7 @@ class ImpulseFit:
         return found
 
     def _from_tendons(self) -> list[FloatArray]:
-        """(nv,) what tendons at an end of their range give: a rope that is taut pulls."""
+        """(nv,) the impulses of tendons at an end of their range: a taut rope pulls."""
         import mujoco
 
         model, data = self._touching.model, self._touching.data

@@ -1,16 +1,22 @@
-"""Inverse dynamics: do the solved forces produce the solved accelerations, instant by instant?
+"""Inverse dynamics: whether the solved forces produce the solved accelerations at each instant.
 
-MuJoCo computes from position, velocity and acceleration the generalised force that the motion needs; what
-the solved actuators and outer forces deliver is subtracted.  The rest is the residual.  Nothing is
-integrated, so an unstable system is judged as sharply as a stable one, and an error in the equations of motion
-shows wherever it acts.  Contacts are switched off, and the solved contact forces act in their place.  What an
-equality of the model (a closed loop, a gear) can give along what it blocks is no residual: MuJoCo's own inverse has
-springs there, which tell nothing of the force that holds a loop exactly.  Dry friction of a joint is Coulomb's: its
-whole force against the motion, and at rest as much as is needed up to that.  MuJoCo's own rises with the speed and
-brakes softly, so that its inverse has another force wherever a joint is about to stop.  A joint limit gives nothing
-by itself: MuJoCo's is a soft spring there, which pushes on a motion that just touches the limit.  A force that a
-solution takes from its end stop is stated as one, with an ``apply`` or ``contact`` line on the joint.  Joints that
-the spec does not tie move as :mod:`stc.validate.untied` says; how far that decides the forces on the tied ones is told.
+From position, velocity and acceleration MuJoCo computes the generalised force that the motion needs.  The forces of the
+solved actuators and the external forces are subtracted; the remainder is the residual.  Nothing is integrated, so that
+an unstable system is judged as strictly as a stable one, and an error in the equations of motion shows wherever it
+acts.
+
+- Contacts are switched off, and the solved contact forces act in their place.
+- The force that an equality of the model (a closed loop, a gear) can give along the directions it blocks is not part
+of the
+  residual: MuJoCo's own inverse has springs there, which say nothing about the force that holds a loop exactly.
+- Dry friction of a joint is Coulomb's: its full force against the motion, and at rest any force up to that.  MuJoCo's
+own
+  rises with the speed, so that its inverse differs wherever a joint is about to stop.
+- A joint limit gives no force: MuJoCo's is a soft spring, which acts on a motion that just touches the limit.  The
+force of an
+  end stop is stated by an ``apply`` or ``contact`` line on the joint.
+- Joints that the spec does not tie move as in :mod:`stc.validate.untied`; the result includes the effect on the forces
+on the tied ones.
 """
 
 from __future__ import annotations
@@ -42,19 +48,23 @@ Drive = tuple[FloatArray, FloatArray]
 #: largest force.
 _NEGLIGIBLE = 1e-6
 
+#: What moves by less, in m or rad, is at rest.
+_STILL = 1e-6
+
 
 @dataclass(frozen=True, slots=True)
 class InverseDynamics:
     """Largest residuals of a motion.
 
     Attributes:
-        at_nodes: (k,) per tied joint, N or N m, where the transcription imposes the equations of motion.
-        between: (k,) in between, where only the transcription's polynomials say how the motion goes.
+        at_nodes: (k,) per tied joint, N or N m, at the nodes, where the transcription imposes the equations of motion.
+        between: (k,) between the nodes, where the motion follows the transcription's polynomials.
         scale: the motion's largest generalised force: needed, delivered or due to gravity and velocity; at least
-            what gives it its momentum within its duration, so that gliding, which takes no force, is measured too.
-        untied: (k,) by how much the force on each tied joint differs from that with the untied ones held where the
-            model has them: what depends on how those move; None where all are tied.
-        guessed: whether the model's constraints act on untied joints, so that they may move otherwise.
+            the force that gives it its momentum within its duration, for motions that need no force, or the force
+            that moves a joint by :data:`_STILL` within it, for rest without any force.
+        untied: (k,) the change of the force on each tied joint if the untied joints are held at the model's initial
+            positions; None if all are tied.
+        guessed: whether the model's constraints act on untied joints, so that they may move differently.
     """
 
     at_nodes: FloatArray
@@ -86,8 +96,8 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     central only frames whose stencils were not clipped.
 
     Returns:
-        None where it cannot be said: of a joint that is not tied it is not known how it moves, the solution lacks an
-        acceleration, or an actuator has a state that the solution does not tell.
+        None if they cannot be computed: the motion of an untied joint is not known, the solution lacks an
+        acceleration, or an actuator has a state that the solution does not contain.
     """
     solution, model = setup.solution, setup.model(contacts=False)
     duration = solution.duration
@@ -108,11 +118,15 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     ties = Equalities(setup.model(contacts=False))
     outer = setup.all_forces
     order = setup.reference.velocities
-    scale, momentum, mass = 0.0, np.zeros(model.nv), np.zeros((model.nv, model.nv))
+    momentum, mass = np.zeros(model.nv), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    inertia = float(mass.diagonal()[order].max(initial=0.0))
+    scale = _STILL * inertia / duration**2 if duration > 0.0 else 0.0
     moved = np.zeros(model.nv)
 
     def forces_at(state: list[FloatArray], drive: Drive, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(nv,) generalised force that the motion needs, the free joints without acceleration, and what it gets."""
+        """(nv,) the generalised force that the motion needs, with free joints unaccelerated, and the acting force."""
         setup.reference.put(data, state)
         data.ctrl[setup.controls.addresses], data.act[setup.activations.addresses] = drive
         outer.apply(model, data, force)
@@ -171,7 +185,7 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
 def _held(
     model: mujoco.MjModel, data: mujoco.MjData, forces: Callable[[], tuple[FloatArray, FloatArray]]
 ) -> tuple[FloatArray, FloatArray]:
-    """What ``forces`` gives where all joints that it does not move stay where the model has them."""
+    """The result of ``forces`` with all joints that it does not move at the model's initial positions."""
     data.qpos[:], data.qvel[:], data.qacc[:] = model.qpos0, 0.0, 0.0
     return forces()
 

@@ -1,8 +1,8 @@
-"""Every limit that a verdict depends on, and every setting that decides how fine or how firm a replay is.
+"""Every limit of a verdict, and every setting of the replays.
 
-A motion passes when all its metrics stay within their limits.  Lengths are in metres, angles in radians, and a
-share is a part of one.  Where a limit depends on the transcription, it is because the method's own truncation
-error shows in the figure: hermite-simpson is of fourth order in the step, trapezoidal and central of second.
+A motion passes if all its metrics are within their limits.  Lengths are in metres, angles in radians, and a share is a
+fraction of one.  Some limits depend on the transcription, because the metric contains its truncation error:
+hermite-simpson is of fourth order in the step, trapezoidal and central of second.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ ByUnit = dict[str, float]
 
 
 def of_extent(most: float, share: float, extent: float, floor: float) -> float:
-    """The limit of a distance: ``most``, or less where the whole motion is small, but never less than ``floor``.
+    """The limit of a distance: ``most``, or less if the whole motion is small, but never less than ``floor``.
 
     Args:
         most: the limit of large motions, in m or rad.
-        share: of the extent that the limit is at most.
-        extent: the longest way of a joint, in m or rad.
-        floor: what is allowed however small the motion is.
+        share: largest ratio of the limit to the extent.
+        extent: the largest travel of a joint, in m or rad.
+        floor: the smallest limit, for motions of any size.
     """
     return min(most, max(share * extent, floor))
 
 
 def left_by_solver(violation: float) -> float:
-    """What a solver's largest scaled violation leaves in a position, in m or rad; 0 where no solver tells."""
+    """The error of a position due to the solver's largest scaled violation, in m or rad; 0 if there was no solver."""
     return VIOLATIONS_IN_A_POSITION * violation if math.isfinite(violation) else 0.0
 
 
@@ -92,8 +92,8 @@ GROWTH_INSTANTS: Final = 60
 
 # --- motions on the ground, MuJoCo's own contacts supplying the forces ----------------------------------------
 
-#: RMS of the base's error as a share of its way, and of each other joint's by its unit: open loop and tracked.  Along
-#: the bundled motions that are judged open loop the joints' are 9e-5 to 8e-3 rad, tracked 2e-6 to 7e-4 rad.
+#: RMS error of the base as a share of its travel, and of each other joint by its unit: open loop and tracked.  The
+#: errors of joints of the bundled motions are 9e-5 to 8e-3 rad if judged open loop, 2e-6 to 7e-4 rad if tracked.
 CONTACT_BASE: Final = 1e-3
 CONTACT_JOINTS: Final[ByUnit] = {"m": 5e-3, "rad": 1e-2}
 CONTACT_TRACKED_BASE: Final = 5e-3

@@ -1,8 +1,8 @@
-"""Small deviations along a solved motion: how they grow, and how controls steer them.
+"""Small deviations along a solved motion: their growth, and the effect of controls on them.
 
-MuJoCo's finite differences (``mjd_transitionFD``) give, at instants along the motion, the linear map of one
-time step: deviation' = A deviation + B change of control.  Deviations are ordered positions, then velocities.  The
-model's own contacts take no part; those that the solved forces press together hold (:mod:`stc.validate.held`).
+MuJoCo's finite differences (``mjd_transitionFD``) give, at instants along the motion, the linear map of one time step:
+deviation' = A deviation + B change of control.  Deviations are ordered positions, then velocities.  The model's own
+contacts are switched off; contacts with a solved force are treated as rigid (:mod:`stc.validate.held`).
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ def linearise(setup: Setup, held: bool = True) -> Linearisation:
     """Linearise along the solved motion.
 
     Args:
-        setup: the motion and its model; it must be known how every coordinate moves.
-        held: whether contacts that press hold; else their forces stay what they are.
+        setup: the motion and its model; the motion of every coordinate must be known.
+        held: whether pressing contacts are rigid; otherwise their forces do not change.
 
     Raises:
-        ModelError: the solution does not tell how every coordinate moves, or MuJoCo does not differentiate the model.
+        ModelError: the motion of a coordinate is not known, or MuJoCo cannot differentiate the model.
     """
     import mujoco
 
@@ -115,7 +115,7 @@ def linearise(setup: Setup, held: bool = True) -> Linearisation:
 
 
 def linearised(setup: Setup, held: bool = True) -> Linearisation | None:
-    """As :func:`linearise`; None where that is refused, or where an actuator has a state of its own.
+    """As :func:`linearise`; None if that is refused, or if an actuator has a state.
 
     MuJoCo does not differentiate models with bodies that sleep or actuators with a delay.
     """
@@ -130,16 +130,16 @@ def linearised(setup: Setup, held: bool = True) -> Linearisation | None:
 def growth(
     maps: Linearisation, joints: np.ndarray | None = None, restarts: Sequence[int] | np.ndarray = ()
 ) -> float:
-    """The largest factor by which a small deviation of some positions grows over any stretch of the motion.
+    """The largest factor by which a small deviation of some positions grows over any part of the motion.
 
     Args:
         maps: of the motion.
-        joints: (k,) indices of the positions, all unless given; what others do is of account only through these.
-        restarts: frames where deviations begin anew.
+        joints: (k,) indices of the positions, by default all; other positions matter only through these.
+        restarts: frames at which deviations restart.
 
     It is the largest spectral norm of the positions' part of the transition matrices between two instants,
-    of which at most :data:`stc.validate.limits.GROWTH_INSTANTS` are looked at.  Near one means that errors stay
-    what they are; an upright pole multiplies them by e for every 1/rate seconds.
+    of which at most :data:`stc.validate.limits.GROWTH_INSTANTS` are used.  A value near one means that errors do not
+    grow; an upright pole multiplies them by e for every 1/rate seconds.
     """
     total, size = len(maps.step), maps.state.shape[1]
     if not total or not np.all(np.isfinite(maps.state)):

@@ -1,4 +1,4 @@
-"""What is measured: one number with its unit, its limit and what follows from them."""
+"""One measurement: a number with its unit, its limit and its verdict."""
 
 from __future__ import annotations
 
@@ -18,13 +18,20 @@ FloatArray = npt.NDArray[np.float64]
 class Metric:
     """One measured number.
 
-    Attributes:
-        name: what was measured, such as ``open-loop drift, largest``.
-        subject: on what, such as ``joint x``.
-        value: the number; infinite or not a number where the simulation broke down.
-        unit: ``m``, ``rad``, ``s``, ``share`` (of one), ``times``, or "" where it has none that is known.
-        limit: the largest value that passes, or None for a number that is reported only.
-        at_least: whether the limit is the smallest value that passes instead.
+    Attributes
+    ----------
+    name : str
+        The measured quantity, such as ``open-loop drift, largest``.
+    subject : str
+        On what, such as ``joint x``.
+    value : float
+        The number; infinite or not a number where the simulation broke down.
+    unit : str
+        ``m``, ``rad``, ``s``, ``share`` (of one), ``times``, or "" where it has none that is known.
+    limit : float | None
+        The largest value that passes, or None for a number that is reported only.
+    at_least : bool
+        Whether the limit is the smallest value that passes instead.
     """
 
     name: str
@@ -47,7 +54,7 @@ class Metric:
         return replace(self, limit=None)
 
     def to_dict(self) -> dict[str, Any]:
-        """The metric as JSON takes it; a value that is not finite becomes None."""
+        """The metric for JSON; a value that is not finite becomes None."""
         return {
             "name": self.name,
             "subject": self.subject,
@@ -74,6 +81,6 @@ def drift(distances: FloatArray) -> tuple[float, float]:
 
 
 def root_mean_square(sizes: FloatArray) -> float:
-    """The root of the mean square of finite numbers >= 0, in their unit, though a square is beyond all doubles."""
+    """The root of the mean square of finite numbers >= 0, in their unit, without overflow of the squares."""
     largest = float(sizes.max(initial=0.0))
     return largest * float(np.sqrt(np.mean((sizes / largest) ** 2))) if largest > 0.0 else 0.0

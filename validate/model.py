@@ -1,4 +1,4 @@
-"""The MuJoCo model of a solution: finding the file, and finding in it what the spec speaks of."""
+"""The MuJoCo model of a solution: find the file, and find in it the elements that the spec names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ import numpy as np
 
 from stc import models
 from stc.errors import StcError
+from stc.model_source import opened
 from stc.solution import ReplayChannel, Solution
+from stc.urdf import mesh_files
 from stc.validate.switches import take_out
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class ModelError(StcError):
-    """The model file, or what a ``replay:`` line asks of it, does not fit."""
+    """There is no model file, or a ``replay:`` line does not fit it."""
 
 
 def find_model(name: str, folders: Iterable[str | Path]) -> Path:
@@ -52,10 +54,10 @@ def find_model(name: str, folders: Iterable[str | Path]) -> Path:
 
 
 def require_mujoco() -> None:
-    """Import MuJoCo, which looks for OpenGL as it is imported; without it where there is none.
+    """Import MuJoCo, which looks for OpenGL on import; without OpenGL if there is none.
 
-    ``MUJOCO_GL`` may ask for a library that is not there: that costs the pictures, which say so when they are
-    asked for, and nothing else.
+    ``MUJOCO_GL`` may name a library that does not exist; then only pictures fail, with a message when they are
+    requested.
 
     Raises:
         ModelError: it cannot be imported.
@@ -81,11 +83,15 @@ def require_mujoco() -> None:
             os.environ["MUJOCO_GL"] = asked
 
 
-def load_model(path: Path) -> mujoco.MjModel:
+def load_model(path: Path, additions: Sequence[str] = ()) -> mujoco.MjModel:
     """Compile a model file.
 
+    Args:
+        path: of the file.
+        additions: what is added to it, in words of :data:`stc.model_source.ADDITIONS`.
+
     Raises:
-        ModelError: MuJoCo does not accept it, and the message carries MuJoCo's own; or it takes too much time or
+        ModelError: MuJoCo does not accept it (the message includes MuJoCo's own); or it takes too much time or
             memory.
     """
     require_mujoco()
@@ -96,8 +102,8 @@ def load_model(path: Path) -> mujoco.MjModel:
     if why := refusal(path):
         raise ModelError(f"MuJoCo does not accept {path}: {why}")
     try:
-        model = mujoco.MjModel.from_xml_path(as_bytes(path))
-    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+        model = opened(path, additions).model
+    except (ValueError, OSError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
         text = " ".join(str(error).split())
         raise ModelError(f"MuJoCo does not accept {path}: {text}") from None
     take_out(model)
@@ -105,15 +111,15 @@ def load_model(path: Path) -> mujoco.MjModel:
 
 
 def as_bytes(path: str | os.PathLike[str]) -> str:
-    """A path as MuJoCo takes it, whatever characters the locale knows.
+    """A path in the form that MuJoCo accepts, whatever characters the locale has.
 
-    MuJoCo's functions take bytes for text, and refuse names with bytes that are none of the locale's characters.
+    MuJoCo's functions encode text, and refuse names with characters that the locale does not have; bytes are passed on.
     """
     return os.fsencode(path)  # type: ignore[return-value]
 
 
 def model_files(path: Path) -> list[Path]:
-    """All files that a model is made from: its own, those that it includes, meshes, textures.
+    """All files that form a model: its own, included files, meshes, textures.
 
     Args:
         path: of a model that MuJoCo accepts.
@@ -121,6 +127,8 @@ def model_files(path: Path) -> list[Path]:
     require_mujoco()
     import mujoco
 
+    if path.suffix.lower() == ".urdf":
+        return sorted({path, *mesh_files(path)})
     try:
         names = mujoco.mju_getXMLDependencies(as_bytes(path))
     except UnicodeDecodeError:  # names that are no UTF-8
@@ -129,7 +137,7 @@ def model_files(path: Path) -> list[Path]:
 
 
 def model_inputs(path: Path) -> list[tuple[Path, str]]:
-    """The files of a model, each with what it is, as :func:`stc.arguments.spare` takes them."""
+    """The files of a model, each with its description, for :func:`stc.arguments.spare`."""
     return [
         (file, f"the model {path.name}" if file == path else f"a file of the model {path.name}")
         for file in model_files(path)
@@ -142,7 +150,7 @@ def file_hash(path: Path) -> str:
 
 
 def nearest(name: str, known: Sequence[str]) -> str:
-    """What to append to a message about an unknown name: the nearest one, or all if there are few."""
+    """The end of a message about an unknown name: the closest name, or all names if there are few."""
     close = difflib.get_close_matches(name, known, n=1)
     if close:
         return f"; did you mean {close[0]}?"
@@ -152,7 +160,7 @@ def nearest(name: str, known: Sequence[str]) -> str:
 
 
 def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
-    """The names of all joints, actuators, bodies, cameras, geoms, sites or sensors that have one."""
+    """The names of all joints, actuators, bodies, cameras, geoms, sites or sensors that have a name."""
     import mujoco
 
     object_type = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
@@ -161,18 +169,18 @@ def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
 
 
 def body_names(model: mujoco.MjModel) -> list[str]:
-    """What each body is called, in the model's order: its name, or its number."""
+    """The name of each body in the model's order, or its number if it has no name."""
     return _called(model, "body", [f"body{body}" for body in range(model.nbody)])
 
 
 def joint_names(model: mujoco.MjModel) -> list[str]:
-    """What each joint is called, in the model's order: its name, or that of the body that it moves."""
+    """The name of each joint in the model's order, or the name of its body if it has no name."""
     bodies = body_names(model)
     return _called(model, "joint", [bodies[body] for body in model.jnt_bodyid])
 
 
 def actuator_names(model: mujoco.MjModel) -> list[str]:
-    """What each actuator is called: its name, or that of the joint, tendon or site that it acts on."""
+    """The name of each actuator, or the name of its joint, tendon or site if it has no name."""
     import mujoco
 
     kinds, joints = mujoco.mjtTrn, joint_names(model)
@@ -191,7 +199,7 @@ def actuator_names(model: mujoco.MjModel) -> list[str]:
 
 
 def _called(model: mujoco.MjModel, kind: str, wanted: Sequence[str]) -> list[str]:
-    """Names of all objects of a kind; those without one get the wanted one, with a number where that is taken."""
+    """Names of all objects of a kind; an object without a name gets the default one, with a number if that is taken."""
     import mujoco
 
     object_type = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
@@ -222,7 +230,7 @@ def find_object(model: mujoco.MjModel, kind: str, name: str, line: str) -> int:
     """The index of a named object; ``line`` is the replay line for the message.
 
     Raises:
-        ModelError: the model has no such object; the message offers the nearest name.
+        ModelError: the model has no such object; the message suggests the closest name.
     """
     import mujoco
 
@@ -242,7 +250,7 @@ def lines_of(solution: Solution, kind: str) -> list[ReplayChannel]:
     """The replay lines of one kind.
 
     Raises:
-        ModelError: two lines are about the same thing, or a value is not finite.
+        ModelError: two lines have the same path, or a value is not finite.
     """
     lines = [line for line in solution.replay if line.kind == kind]
     seen: set[str] = set()
@@ -263,13 +271,13 @@ def _require_finite(line: ReplayChannel) -> None:
 
 
 def find_control(model: mujoco.MjModel, name: str) -> tuple[int, int]:
-    """The index of an actuator, and of its control in ``ctrl``.
+    """The index of an actuator, and the index of its control in ``ctrl``.
 
     Args:
-        name: of the actuator; of one that takes several controls, with what the control is: ``servo.pos``.
+        name: name of the actuator; for an actuator with several controls, with the control: ``servo.pos``.
 
     Raises:
-        ModelError: there is none of this name, or it does not say which of several controls.
+        ModelError: there is no such actuator, or the name does not select one of several controls.
     """
     owner, _, part = name.rpartition(".")
     several = name not in actuator_names(model) and owner in actuator_names(model)
@@ -285,7 +293,7 @@ def find_control(model: mujoco.MjModel, name: str) -> tuple[int, int]:
 
 
 def find_activation(model: mujoco.MjModel, name: str) -> int | None:
-    """The index in ``act`` of a state of an actuator, ``servo.activation``; None of what is no such name."""
+    """The index in ``act`` of a state of an actuator, ``servo.activation``; None for other names."""
     owner, _, part = name.rpartition(".")
     known = actuator_names(model)
     if name in known or owner not in known:
@@ -297,7 +305,7 @@ def find_activation(model: mujoco.MjModel, name: str) -> int | None:
 
 
 def inputs_of(model: mujoco.MjModel, actuator: int) -> list[str]:
-    """What the controls of an actuator are, in the order of ``ctrl``: ``pos``, ``vel``, ``ff``, ``voltage``."""
+    """The names of the controls of an actuator in the order of ``ctrl``: ``pos``, ``vel``, ``ff``, ``voltage``."""
     import mujoco
 
     count, given = int(model.actuator_ctrlnum[actuator]), int(model.actuator_ctrlspec[actuator])
@@ -307,7 +315,7 @@ def inputs_of(model: mujoco.MjModel, actuator: int) -> list[str]:
 
 
 def single_number(line: ReplayChannel) -> float:
-    """The value of a ``set`` line, which must be the same all along the motion.
+    """The value of a ``set`` line, which must be constant along the motion.
 
     Raises:
         ModelError: it changes.

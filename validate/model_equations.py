@@ -1,12 +1,12 @@
-"""A model's equations of motion for whoever wants to compare their own: numbers in, numbers out.
+"""A model's equations of motion as numbers, for comparison with other equations.
 
-The model is set up by what a ``replay:`` section names, without any motion: joints by name, in the caller's
-order, actuators and outer forces by their lines.  With q the joints, v and a their first and second time
-derivatives, u the controls and f the outer forces, the model says
+The model is set up by the names of a ``replay:`` section, without a motion: joints by name, in the caller's order,
+actuators and external forces by their lines.  With q the joints, v and a their first and second time derivatives, u the
+controls and f the external forces, the model's equations are
 
     M(q) a + c(q, v) = Q(q, v, u, f)
 
-where c holds gravity, springs, velocity products and damping, and Q what actuators and outer forces give.
+where c contains gravity, springs, velocity products and damping, and Q the forces of actuators and external forces.
 """
 
 from __future__ import annotations
@@ -34,16 +34,17 @@ class ModelEquations:
     """The smooth equations of motion of a model, in the caller's order of joints.
 
     Attributes:
-        joints: names of the joints; k of them, all that the model has.
+        joints: names of all k joints of the model.
         units: ``m`` or ``rad`` per joint.
         actuators: names of the driven actuators.
-        outer: outer forces as their lines are written: ``apply body.lamp.fx``.
+        outer: external forces as their lines are written: ``apply body.lamp.fx``.
         has_springs: whether static forces include those of springs.
-        sliders: what has dry friction: ``joint elbow``, ``tendon rope``.
+        sliders: the joints and tendons with dry friction: ``joint elbow``, ``tendon rope``.
         dry: (s,) dry friction of each, N or N m.
-        sliding: (s,) which way each slides, 1 or -1; 0, as at first, leaves its dry friction out; nan: as joints move.
+        sliding: (s,) the direction in which each slides, 1 or -1; 0 (the initial value) ignores its dry friction; nan:
+            the direction of the velocity.
         has_equalities: whether the model closes loops or gears joints to each other.
-        notes: what the model has that equations of motion do not speak of.
+        notes: elements of the model that are not part of the equations of motion.
     """
 
     def __init__(
@@ -107,7 +108,9 @@ class ModelEquations:
         return self._dynamics.bias()[self._velocity] + friction
 
     def friction(self, q: FloatArray, sliding: FloatArray, v: FloatArray | None = None) -> FloatArray:
-        """(k,) what dry friction adds to c where joints and tendons slide these ways, (s,); nan: as at v, (k,)."""
+        """(k,) the contribution of dry friction to c if joints and tendons slide in these directions, (s,); nan: as at
+        v, (k,).
+        """
         if not sliding.any():
             return np.zeros(len(q))
         slides = self.slides(q)
@@ -115,7 +118,7 @@ class ModelEquations:
         return np.asarray((self.dry * np.where(np.isnan(sliding), moving, sliding)) @ slides)
 
     def slides(self, q: FloatArray) -> FloatArray:
-        """(s, k) how fast each joint and tendon with dry friction slides, per velocity of each joint."""
+        """(s, k) the sliding speed of each joint and tendon with dry friction, per velocity of each joint."""
         import mujoco
 
         ways = np.zeros((len(self.dry), len(q)))
@@ -130,7 +133,7 @@ class ModelEquations:
         return ways
 
     def gravities(self, q: FloatArray) -> FloatArray:
-        """(k, 3) what c would hold of a gravity of 1 m/s^2 along each axis of the world."""
+        """(k, 3) the contribution of a gravity of 1 m/s^2 along each axis of the world to c."""
         gravity = self._dynamics.model.opt.gravity
         given, found = gravity.copy(), np.zeros((len(q), 3))
         gravity[:] = 0.0
@@ -151,7 +154,7 @@ class ModelEquations:
         return (dynamics.actuation(self._controls) + dynamics.data.qfrc_applied)[self._velocity]
 
     def held(self, q: FloatArray, force: FloatArray) -> FloatArray:
-        """(k,) the part of a generalised force that loops and gears of the model can give there, whatever it is."""
+        """(k,) the part of a generalised force that loops and gears of the model can give."""
         position, whole = np.array(self._dynamics.model.qpos0), np.zeros(len(force))
         position[self._position] = q
         whole[self._velocity] = force
@@ -167,7 +170,7 @@ class ModelEquations:
 
 
 def _leftovers(model: mujoco.MjModel) -> list[str]:
-    """What acts in the model besides its smooth equations of motion."""
+    """Elements of the model that act besides its smooth equations of motion."""
     import mujoco
 
     notes = []

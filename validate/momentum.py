@@ -1,12 +1,12 @@
 """Flight: while nothing touches the ground, only gravity changes a body's momentum.
 
-Along the solved motion MuJoCo gives linear momentum and angular momentum about the centre of mass.  In flight the first
-follows its ballistic line and the second stays what it is, whatever the motors do: a wrong mass, or a torque from
-nowhere, shows here without any simulation.
+Along the solved motion MuJoCo computes the linear momentum and the angular momentum about the centre of mass.  In
+flight the first follows its ballistic line and the second is constant, whatever the motors do: a wrong mass, or a
+spurious torque, shows without any simulation.
 
-That holds along the axes along and about which the whole model moves freely: joints that guide it along the others
-push too, as do jets, motors, springs and dampers between it and the world.  What pushes is found by virtual power:
-along a motion of the whole model as one rigid body, internal forces have none.
+This holds along and about the axes in which the whole model moves freely.  Joints that guide it in other directions
+exert forces too, as do jets, motors, springs and dampers between it and the world.  Such forces are found by virtual
+power: in a rigid motion of the whole model, internal forces have none.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class Flight:
         first: its first frame.
         last: its last frame.
         linear: largest departure of the momentum from its ballistic line, as a share of the largest momentum; None
-            where something pushes along every axis.
+            if forces act along every axis.
         angular: largest change of the angular momentum about the centre of mass, as a share of the largest angular
-            momentum of a single part of the body about it; None where something turns the model about every axis.
+            momentum of a single part of the body about it; None if torques act about every axis.
     """
 
     first: int
@@ -54,7 +54,7 @@ class Flight:
 
 
 def flights(setup: Setup) -> list[Flight]:
-    """All flights of a motion with ``contact`` lines; none where other outer forces act or joints are not tied."""
+    """All flights of a motion with ``contact`` lines; none if other external forces act or joints are not tied."""
     if not len(setup.contact) or len(setup.applied) or not setup.all_tied:
         return []
     shares = np.array(limits.BETWEEN_SHARES)
@@ -106,7 +106,7 @@ def _flight(setup: Setup, first: int, last: int) -> Flight:
 
 
 def _free(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """(6,) along and about which of the world's axes the model moves as one rigid body, and nothing pushes it so."""
+    """(6,) the world's axes along and about which the model moves as one rigid body without external forces."""
     import mujoco
 
     moved = np.flatnonzero(model.body_mass > 0.0)
@@ -127,7 +127,9 @@ def _free(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def _at_most(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
-    """(2,) the momentum and the angular momentum about the centre of mass if every part had its speed the same way."""
+    """(2,) the momentum and the angular momentum about the centre of mass if the speeds of all parts had the same
+    direction.
+    """
     import mujoco
 
     found, both = np.zeros(2), np.zeros(6)
@@ -144,7 +146,7 @@ def _at_most(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
 
 
 def _movable(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The model with no mass in what is fixed to the world, which neither falls nor has a part in the flight."""
+    """The model without the mass of parts that are fixed to the world."""
     import mujoco
 
     fixed = model.body_weldid == 0
@@ -182,7 +184,7 @@ def _share(value: float, scale: float) -> float:
 
 
 def momentum_metrics(setup: Setup) -> list[Metric]:
-    """The metrics of all flights; a momentum that something changes along every axis has none."""
+    """The metrics of all flights; without a momentum that external forces change along every axis."""
     found = []
     for flight in flights(setup):
         where = f"flight, frames {flight.first} to {flight.last}"

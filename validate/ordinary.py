@@ -1,8 +1,8 @@
-"""Models that MuJoCo may be handed at once, and the others, which are tried in a process that can be stopped.
+"""Models of ordinary size, and very large ones, which are first compiled in a separate process that can be stopped.
 
-A few characters of a model can ask for hours of work: a height field of 10^10 cells, ten million copies of a body.
-MuJoCo cannot be interrupted while it compiles a model. So its files are looked through first; one that asks for more
-than ordinary models do is compiled in a process of its own, with a limit of time and of memory, before it is here.
+A few characters of a model can require hours of work: a height field of 10^10 cells, ten million copies of a body.
+MuJoCo cannot be interrupted while it compiles.  Therefore the files of a model are examined first; a very large model
+is compiled in a separate process, with a limit of time and memory, before it is compiled here.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ try:
 except (ImportError, ValueError, OSError):
     pass
 import mujoco
+from stc.model_source import opened
 try:
-    model = mujoco.MjModel.from_xml_path(os.fsencode(sys.argv[1]))
-    mujoco.MjData(model)
+    mujoco.MjData(opened(sys.argv[1]).model)
 except MemoryError:
     sys.exit(3)
 except Exception as error:
@@ -56,7 +56,7 @@ except Exception as error:
 
 
 def refusal(path: Path) -> str:
-    """Why a model cannot be compiled within limits; "" where it can, or where nothing speaks against it."""
+    """Why a model cannot be compiled within limits; "" if it can, or if there is no indication."""
     if is_ordinary(path):
         return ""
     command = [sys.executable, "-c", _TRIAL, os.fspath(path.resolve()), str(MEMORY), str(math.ceil(2 * TIME))]
@@ -90,7 +90,7 @@ def refusal(path: Path) -> str:
 
 
 def is_ordinary(path: Path) -> bool:
-    """Whether nothing in a model's files asks for more work than is usual; False where that cannot be told."""
+    """Whether no element of a model's files requires unusual work; False if that is not known."""
     with suppress(OSError):
         if path.resolve().is_relative_to(Path(models.__file__).resolve().parent):
             return True
@@ -120,10 +120,10 @@ def _usual(path: Path) -> bool:
 
 
 def _with_copies(root: ET.Element) -> Iterator[tuple[ET.Element, int]]:
-    """All elements, each with how often it is made.
+    """All elements, each with the number of its copies.
 
     Raises:
-        ValueError: a count that is no plain number, or elements within each other that MuJoCo refuses.
+        ValueError: a count that is not a plain number, or a nesting of elements that MuJoCo refuses.
     """
     waiting = [(root, 1, 0)]
     while waiting:
@@ -137,7 +137,7 @@ def _with_copies(root: ET.Element) -> Iterator[tuple[ET.Element, int]]:
 
 
 def _small(element: ET.Element, folder: Path) -> bool:
-    """Whether an element asks for no more cells, rows or bytes than is usual."""
+    """Whether an element does not require an unusual number of cells, rows or bytes."""
     given = element.attrib
     if element.tag == "size":
         if any(int(value) > _MOST_ROWS for key, value in given.items() if key != "memory"):

@@ -1,4 +1,4 @@
-"""The outputs of a model that a spec may have compared: ``compare site.tip.x = expression;`` and its like.
+"""The outputs of a model that a spec can compare: ``compare site.tip.x = expression;`` and similar lines.
 
 =======================================  ====================================================================
 path                                     output
@@ -6,13 +6,13 @@ path                                     output
 ``joint.NAME``                           position of a joint, m or rad
 ``joint.NAME.velocity``                  its velocity, m/s or rad/s
 ``joint.NAME.x`` (``.y``, ``.z``)        place of a free joint's body in the world, m
-``joint.NAME.qw`` to ``.qz``             quaternion of a free or ball joint, whichever of its two signs
+``joint.NAME.qw`` to ``.qz``             quaternion of a free or ball joint, with either sign
 ``joint.NAME.wx`` (``.wy``, ``.wz``)     angular velocity along its body's axes, rad/s
 ``body.NAME.x`` (``.y``, ``.z``)         world position of a body's frame, m; likewise ``geom`` and ``site``
 ``body.NAME.vx`` (``.vy``, ``.vz``)      its world velocity, m/s
 ``body.NAME.wx`` (``.wy``, ``.wz``)      its angular velocity along the world's axes, rad/s
 ``body.NAME.xaxis.x`` to ``.zaxis.z``    the axes of its frame in the world
-``com.NAME.x`` (``.y``, ``.z``)          world centre of mass of a body and all that hangs on it, m
+``com.NAME.x`` (``.y``, ``.z``)          world centre of mass of a body and all its descendants, m
 ``com.x``, ``com.vx``, ...               of everything; ``com.NAME.vx``: its velocity, m/s
 ``sensor.NAME``                          a sensor with one value, in the sensor's unit
 =======================================  ====================================================================
@@ -51,7 +51,7 @@ class Output:
         line: the replay line with the solved values.
         unit: of the output, "" for a sensor, a component of an axis or a quaternion.
         read: finds its value in a simulation whose derived quantities are up to date.
-        either_sign: whether the value with the other sign is the same, as of quaternions.
+        either_sign: whether a value and its negative are the same, as for quaternions.
     """
 
     line: ReplayChannel
@@ -71,7 +71,7 @@ class Output:
 
 
 def compared_outputs(model: mujoco.MjModel, solution: Solution) -> list[Output]:
-    """The outputs that the spec's ``compare`` lines speak of.
+    """The outputs in the spec's ``compare`` lines.
 
     Raises:
         ModelError: an unknown path.
@@ -87,7 +87,7 @@ def compared_outputs(model: mujoco.MjModel, solution: Solution) -> list[Output]:
 
 
 def find_output(model: mujoco.MjModel, path: tuple[str, ...]) -> tuple[str, Read]:
-    """The unit of what a ``compare`` line names, "" for a sensor, and what reads it.
+    """The unit of the output that a ``compare`` line names, "" for a sensor, and the function that reads it.
 
     Raises:
         ModelError: an unknown path.
@@ -96,7 +96,7 @@ def find_output(model: mujoco.MjModel, path: tuple[str, ...]) -> tuple[str, Read
     kind, *rest = path
     if kind not in ("joint", "sensor", "com", "body", "geom", "site"):
         known = ["joint", "body", "geom", "site", "com", "sensor"]
-        raise ModelError(f"{written}: {kind} is nothing to compare{nearest(kind, known)}")
+        raise ModelError(f"{written}: {kind} cannot be compared{nearest(kind, known)}")
     if not rest:
         raise ModelError(f"{written}: the name of the {kind} is missing")
     if kind == "com" and len(rest) == 1 and rest[0] in (*_AXES, *_VELOCITIES):
@@ -121,7 +121,7 @@ def _joint(model: mujoco.MjModel, written: str, index: int, rest: list[str]) -> 
         return unit, (lambda _, data: float(data.qpos[position]))
     if rest == ["velocity"]:
         return f"{unit}/s", (lambda _, data: float(data.qvel[velocity]))
-    raise ModelError(f"{written}: a joint has its position and .velocity, no .{'.'.join(rest)}")
+    raise ModelError(f"{written}: a joint has its position and .velocity, but no .{'.'.join(rest)}")
 
 
 def _part(model: mujoco.MjModel, written: str, joint: int, rest: list[str]) -> tuple[str, Read]:
@@ -168,7 +168,7 @@ def _point(written: str, kind: str, index: int, rest: list[str]) -> tuple[str, R
 
 
 def _velocity_of_centre(model: mujoco.MjModel, data: mujoco.MjData, index: int, axis: int) -> float:
-    """Of the centre of mass of a body and all that hangs on it."""
+    """The velocity of the centre of mass of a body with all its descendants."""
     import mujoco
 
     mujoco.mj_subtreeVel(model, data)

@@ -1,9 +1,9 @@
-"""Where outer forces act on a model: a point fixed in a body, a site, or where a geom touches.
+"""The places at which external forces act on a model: a point of a body, a site, or the contact point of a geom.
 
 =============================  ==================================================================================
 ``body.NAME``                  the origin of the body's frame
 ``body.NAME.X.Y.Z``            the point at X, Y, Z (numbers, in m) of that frame
-``body.NAME.X.Y.Z.R``          where a ball of radius R about that point is nearest to the ground
+``body.NAME.X.Y.Z.R``          the point of a ball of radius R about that point that is closest to the ground
 ``site.NAME``                  the site
 ``geom.NAME``                  of a sphere its point nearest to the ground, of a box the middle of its lower face
                                (along its own z), both with the geom's margin; of all others their middle
@@ -62,11 +62,11 @@ class Place:
 
     @property
     def at_origin(self) -> bool:
-        """Whether it is the origin of its body's frame."""
+        """Whether the place is the origin of its body's frame."""
         return self.kind == "body" and not any(self.offset) and not self.radius
 
     def point(self, model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
-        """(3,) where it is in the world, in m, once the kinematics are up to date."""
+        """(3,) its position in the world, in m, once the kinematics are up to date."""
         centre = np.array(getattr(data, self.array)[self.index])
         if any(self.offset):
             frames = {"body": data.xmat, "site": data.site_xmat, "geom": data.geom_xmat}[self.kind]
@@ -122,7 +122,7 @@ def find_place(model: mujoco.MjModel, path: Sequence[str], written: str) -> Plac
 
 
 def require_kind(kind: str, written: str) -> None:
-    """Tell of a first word of a path that is no place.
+    """Raise an error for a path whose first word is not a kind of place.
 
     Raises:
         ModelError: it is none.

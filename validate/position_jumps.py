@@ -1,7 +1,7 @@
-"""Jumps of position: whatever a spec lets jump at a frame, a body is in one place at a time.
+"""Jumps of position: a spec may state any jump at a frame, but a body cannot change its place abruptly.
 
-Replays go on from where they are, and what they are compared with at a frame that jumps is the nearer of two values, so
-that a joint which is set aside by little shows in none of them: it is measured by itself.
+At a frame with a jump, a replay continues from its own position and is compared with the nearer of the two values, so
+that a small jump of a joint does not show there.  It is measured separately.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def position_jumps(setup: Setup) -> list[Metric]:
-    """The largest jump of each tied joint, in its unit; nothing where no joint has two values at a frame."""
+    """The largest jump of each tied joint, in its unit; empty if no joint has two values at a frame."""
     jumps = [tie.largest_jump(bool(setup.compiled.jnt_limited[tie.joint])) for tie in setup.ties]
     if not any(jumps):
         return []

@@ -1,6 +1,6 @@
-"""How far a long validation has got, for whoever looks on: loops tell, a command line listens.
+"""The progress of a long validation: loops report it, and a command line can show it.
 
-Nothing is told, at the cost of nothing, unless somebody listens in the same context.
+Without a listener in the same context, reporting costs nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Inside, every step of a validation is told to the listener."""
+    """A context in which every step of a validation is reported to the listener."""
     token = _listener.set(listener)
     try:
         yield
@@ -26,7 +26,7 @@ def listening(listener: Listener) -> Iterator[None]:
 
 
 def steps(what: str, count: int) -> Iterator[int]:
-    """The numbers 0 to ``count - 1``, each of which is told of when it is reached."""
+    """The numbers 0 to ``count - 1``, each reported when it is reached."""
     listener = _listener.get()
     if listener is None:
         yield from range(count)

@@ -26,8 +26,8 @@ class Reference:
     """Positions, velocities and accelerations of the tied joints: p positions and v velocities, not always as many.
 
     Attributes:
-        ties: what is tied.
-        has_acceleration: whether the solution knows them all.
+        ties: the tied parts of joints.
+        has_acceleration: whether the solution contains all accelerations.
         positions: (p,) indices of the tied joints in ``qpos``.
         velocities: (v,) indices in ``qvel``.
         dofs: names of the v degrees of freedom.
@@ -78,7 +78,7 @@ class Reference:
 
     @property
     def extent(self) -> float:
-        """The longest way of a tied joint, in m or rad: the distance between two of its places at the frames."""
+        """The largest travel of a tied joint, in m or rad: the distance between two of its places at the frames."""
         return max(tie.extent for tie in self.ties)
 
     def put(self, data: mujoco.MjData, state: Sequence[FloatArray]) -> None:
@@ -89,7 +89,7 @@ class Reference:
             data.qacc[self.velocities] = state[2]
 
     def deviation(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """(..., v) the way from one pose (..., p) to another: differences, and rotations about the body's own axes.
+        """(..., v) the difference of two poses (..., p): differences, and rotations about the body's own axes.
 
         For all of a model's joints this is what ``mj_differentiatePos`` gives.
         """
@@ -101,7 +101,7 @@ class Reference:
         return found
 
     def moved(self, pose: FloatArray, way: FloatArray) -> FloatArray:
-        """(..., p) the pose at the end of a way (..., v): the inverse of :meth:`deviation`."""
+        """(..., p) the pose at the end of a displacement (..., v): the inverse of :meth:`deviation`."""
         found = np.array(np.broadcast_to(pose, (*way.shape[:-1], pose.shape[-1])))
         places, rates = self._straight
         found[..., places] += way[..., rates]

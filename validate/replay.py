@@ -1,11 +1,11 @@
-"""Replay: start the model where the solution starts, apply its forces, and see where it goes.
+"""Replay: simulate the model from the solution's initial state with the solution's forces.
 
 The classical Runge-Kutta method of fourth order steps over MuJoCo's own forward dynamics, with the forces
 evaluated at the times of its stages; MuJoCo's ``mj_step`` would hold them over a step.  Every frame step of
 the solution is cut into a whole number of equal time steps, so that forces are smooth inside each of them.
 
-A replay is open loop, or tracked: then a feedback law (:mod:`stc.validate.tracking`) adds to the controls,
-held over each time step, what the deviation from the solved motion asks for.
+A replay is open loop or tracked.  In a tracked replay a feedback law (:mod:`stc.validate.tracking`) adds a correction
+to the controls, constant over each time step, which depends on the deviation from the solved motion.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ INTEGRATORS = ("rk4", "euler", "implicit", "implicitfast")
 
 @dataclass(slots=True)
 class Replay:
-    """What the simulation did.
+    """The result of a simulation.
 
     Attributes:
         integrator: one of :data:`INTEGRATORS`.
@@ -122,13 +122,13 @@ def replay(
         setup: the motion and its model.
         time_step: longest time step, in seconds.
         integrator: one of :data:`INTEGRATORS`.
-        feedback: what tracks the solved motion; None replays open loop.
+        feedback: the feedback law; None replays open loop.
         external: apply the solved contact forces and switch the model's own contacts off.  Where the solution
-            jumps, at impacts above all, the simulation goes on from the solved state: what is measured is the
-            error of the steps, phase by phase.
-        every_step: go on from the solved state at every frame: what is measured is the error of each step alone.
-        watcher: looks on, and may end the replay early: frames that it does not reach stay NaN.
-        meter: adds up what the contacts give.
+            jumps, at impacts above all, the simulation goes on from the solved state: the error of the steps is
+            measured phase by phase.
+        every_step: go on from the solved state at every frame: the error of each step is measured alone.
+        watcher: is called during the replay and may end it early; later frames are NaN.
+        meter: integrates the contact forces.
 
     Raises:
         UsageError: an unknown integrator, or a time step that is not positive.
@@ -149,7 +149,7 @@ def replay(
 
 
 class _Simulation:
-    """One replay under way."""
+    """One replay in progress."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""The outcome of a validation: numbers with verdicts, what produced them, and how to show them."""
+"""The result of a validation: measurements with verdicts, their origin, and their display."""
 
 from __future__ import annotations
 
@@ -16,30 +16,52 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, kw_only=True)
 class Report:
-    """A validated motion.
+    """The measurements of a validated motion.
 
-    Attributes:
-        spec: name of the spec.
-        spec_sha256: hash of its text.
-        status: how its solve ended.
-        method: transcription.
-        n: number of steps.
-        duration: of the motion, in seconds.
-        model: file name of the model.
-        model_sha256: hash of the model file.
-        fields: model fields that the spec set, by path.
-        simulator: name and version of the simulator.
-        integrator: how the replay stepped.
-        model_integrator: the integrator that the model file asks for.
-        time_step: longest time step of the replay, in seconds.
-        steps: number of time steps of the replay.
-        tracked_by: the feedback of the tracked replay, ``LQR`` or ``PD``; "" without one.
-        metrics: everything that was measured.
-        claims: what the solution says of itself, recomputed; with what is its own word.
-        faults: what else does not hold, one line each: the model is not the one that was solved for.
-        unjudged: names of measurements that could not be made and would be with other motions or models.
-        notes: what a reader should know besides.
-        seconds: wall time of the validation.
+    Attributes
+    ----------
+    spec : str
+        Name of the spec.
+    spec_sha256 : str
+        Hash of its text.
+    status : str
+        How its solve ended.
+    method : str
+        Transcription.
+    n : int
+        Number of steps.
+    duration : float
+        Of the motion, in seconds.
+    model : str
+        File name of the model.
+    model_sha256 : str
+        Hash of the model file.
+    fields : dict[str, float]
+        Model fields that the spec set, by path.
+    simulator : str
+        Name and version of the simulator.
+    integrator : str
+        The integrator of the replay.
+    model_integrator : str
+        The integrator that the model file asks for.
+    time_step : float
+        Longest time step of the replay, in seconds.
+    steps : int
+        Number of time steps of the replay.
+    tracked_by : str
+        The feedback of the tracked replay, ``LQR`` or ``PD``; "" without one.
+    metrics : Sequence[Metric]
+        All measurements.
+    claims : Claims
+        The figures that the solution states, with their recomputed values, and those that cannot be recomputed.
+    faults : Sequence[str]
+        Other faults, one line each, such as a model that differs from the one that was solved for.
+    unjudged : Sequence[str]
+        Names of the measurements that could not be made for this motion and model.
+    notes : Sequence[str]
+        Notes for the reader.
+    seconds : float
+        Wall time of the validation.
     """
 
     spec: str
@@ -66,17 +88,17 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Whether there is a metric with a limit, every one of them keeps it, and what the solution says holds."""
+        """Whether there is a metric with a limit, all of them are within their limits, and the stated figures agree."""
         verdicts = [metric.verdict for metric in self.metrics]
         return "pass" in verdicts and "fail" not in verdicts and not self.findings
 
     @property
     def findings(self) -> list[str]:
-        """What does not hold of what the solution says and depends on, one line each, the most telling first."""
+        """Disagreements in the figures that the solution states, one line each, the most important first."""
         return [*self.claims.findings, *self.faults]
 
     def to_dict(self) -> dict[str, Any]:
-        """The report as JSON takes it; values that are not finite are None."""
+        """The report for JSON; values that are not finite are None."""
         return {
             "passed": self.passed,
             "spec": self.spec,
@@ -136,7 +158,7 @@ class Report:
             style="dim",
         )
         if self.claims.words:
-            yield Text(f"the solution's own word: {self.claims.told}", style="dim")
+            yield Text(f"stated by the solution, not recomputed: {self.claims.told}", style="dim")
         for note in self.notes:
             yield Text(f"note: {note}", style="yellow")
         for line in self.findings:

@@ -1,9 +1,9 @@
-"""How a motion takes what it was not made for: many perturbed replays at once.
+"""Robustness of a motion: many perturbed replays at once.
 
 Every replay follows the solved motion under the same proportional-derivative feedback, in a model or from a state that
-differs a little from what the motion was solved for.  Kinds of perturbation are tried one by one, then together, with
-``mujoco.batch``, which steps all simulations of a kind side by side.  The random numbers come from a seed: the
-same seed gives the same envelope on the same machine.
+differs a little from the solved one.  Kinds of perturbation are tried one by one, then together, with ``mujoco.batch``,
+which simulates all samples of a kind side by side.  The random numbers come from a seed: the same seed gives the same
+result on the same machine.
 """
 
 from __future__ import annotations
@@ -46,14 +46,20 @@ KINDS: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Envelope:
-    """What came of one kind of perturbation.
+    """The errors under one kind of perturbation.
 
-    Attributes:
-        kind: one of :data:`KINDS`.
-        base: (samples,) RMS distance of the base from the solved motion, as a share of its way; of the sliding joints
-            in m where the motion is not one on the ground.  Infinite for a simulation that broke down.
-        joints: (samples,) RMS distance of the joints, in rad.
-        lost: (samples,) whether a joint left the solved motion by more than :data:`limits.LOST`: a lamp that fell.
+    Attributes
+    ----------
+    kind : str
+        One of :data:`KINDS`.
+    base : FloatArray
+        (samples,) RMS distance of the base from the solved motion, as a share of its travel; for motions that are
+        not on the ground, that of the sliding joints in m.  Infinite for a simulation that broke down.
+    joints : FloatArray
+        (samples,) RMS distance of the joints, in rad.
+    lost : np.ndarray
+        (samples,) whether a joint left the solved motion by more than :data:`limits.LOST`, as when the lamp
+        falls.
     """
 
     kind: str
@@ -81,15 +87,24 @@ class Envelope:
 class Robustness:
     """The envelopes of one motion.
 
-    Attributes:
-        spec: its name.
-        base_unit: of the base's errors: ``of its way`` or ``m``.
-        seed: of the random numbers.
-        envelopes: one per kind.
-        simulator: name and version.
-        integrator: of the model, which steps here.
-        time_step: longest time step in seconds, unperturbed.
-        seconds: wall time.
+    Attributes
+    ----------
+    spec : str
+        Name of the spec.
+    base_unit : str
+        Unit of the base's errors: ``of travel`` or ``m``.
+    seed : int
+        Of the random numbers.
+    envelopes : Sequence[Envelope]
+        One per kind.
+    simulator : str
+        Name and version.
+    integrator : str
+        Of the model, which steps here.
+    time_step : float
+        Longest time step in seconds, unperturbed.
+    seconds : float
+        Wall time.
     """
 
     spec: str
@@ -103,12 +118,12 @@ class Robustness:
 
     @property
     def message(self) -> str:
-        """Why the motion cannot be judged so; "" where it can."""
+        """Why perturbed replays cannot judge the motion; "" if they can."""
         if not any(envelope.lost.any() for envelope in self.envelopes if envelope.kind == "none"):
             return ""
         return (
-            "the motion is lost without any perturbation: motors hold their own joints, and joints without one are "
-            "held by nothing"
+            "the motion is lost without any perturbation: each motor controls its own joint, and nothing controls "
+            "joints without a motor"
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -155,7 +170,7 @@ class Robustness:
 
 
 def _percentiles(values: FloatArray) -> dict[str, float | None]:
-    # The median of infinities is no number that JSON knows; a nearest value needs no arithmetic with them.
+    # The median of infinities is not a number that JSON knows; a nearest value needs no arithmetic with them.
     found = np.percentile(values, [50.0, 95.0, 100.0], method="higher")
     keys = ("median", "percentile_95", "worst")
     return {key: float(value) if math.isfinite(value) else None for key, value in zip(keys, found)}
@@ -164,17 +179,29 @@ def _percentiles(values: FloatArray) -> dict[str, float | None]:
 def robustness(
     setup: Setup, samples: int = limits.PERTURBED_SAMPLES, seed: int = 0, kinds: Sequence[str] = tuple(KINDS)
 ) -> Robustness:
-    """Replay a motion many times, each time a little perturbed.
+    """Replay a motion many times with small perturbations.
 
-    Args:
-        setup: the motion and its model, from :func:`stc.validate.verdict.open_setup`.
-        samples: replays per kind; the unperturbed one is a single one.
-        seed: of the random numbers.
-        kinds: which of :data:`KINDS` to try.
+    Parameters
+    ----------
+    setup : Setup
+        The motion and its model, from :func:`stc.validate.verdict.open_setup`.
+    samples : int
+        Replays per kind; the unperturbed one is a single one.
+    seed : int
+        Seed of the random numbers.
+    kinds : Sequence[str]
+        The perturbations, of :data:`KINDS`.
 
-    Raises:
-        UsageError: no samples, an unknown kind, a motion of a single frame, or one without a motor that feedback
-            could act on.
+    Returns
+    -------
+    Robustness
+        The errors of all replays, one envelope per kind.
+
+    Raises
+    ------
+    UsageError
+        No samples, an unknown kind, a motion of a single frame, or one without a motor that feedback
+        could act on.
     """
     import mujoco
 
@@ -196,7 +223,7 @@ def robustness(
     integrator = mujoco.mjtIntegrator(setup.compiled.opt.integrator).name.removeprefix("mjINT_").lower()
     return Robustness(
         setup.solution.name,
-        "of its way" if len(setup.contact) else "m",
+        "of travel" if len(setup.contact) else "m",
         seed,
         envelopes,
         f"MuJoCo {mujoco.mj_versionString()}",

@@ -18,13 +18,13 @@ _NEXT, _AFTER_NEXT = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def normalised(quaternion: FloatArray) -> FloatArray:
-    """(..., 4) of length one; what has no length stays what it is."""
+    """(..., 4) scaled to length one; a quaternion of length zero is not changed."""
     length = np.linalg.norm(quaternion, axis=-1, keepdims=True)
     return np.asarray(quaternion / np.where(length > 0.0, length, 1.0))
 
 
 def cross(first: FloatArray, second: FloatArray) -> FloatArray:
-    """(..., 3) the vector product: what :func:`numpy.cross` gives, in a tenth of its time for few vectors."""
+    """(..., 3) the vector product, as :func:`numpy.cross`, but ten times faster for few vectors."""
     return np.asarray(
         first[..., _NEXT] * second[..., _AFTER_NEXT] - first[..., _AFTER_NEXT] * second[..., _NEXT]
     )
@@ -81,15 +81,16 @@ def turning_dofs(model: mujoco.MjModel) -> np.ndarray:
 
 
 def rate_of_way(way: FloatArray, velocity: FloatArray, turning: np.ndarray) -> FloatArray:
-    """(nv,) how fast a way changes along which ``mj_integratePos`` moves a pose, where the pose there has a velocity.
+    """(nv,) the rate of a displacement along which ``mj_integratePos`` moves a pose, for a velocity in the resulting
+    pose.
 
-    Rotations do not commute: a Runge-Kutta method that adds up the stages' angular velocities is of second order.  Its
-    full order is that of the rotation vector's own differential equation (Munthe-Kaas, Numerische Mathematik 87, 1999),
-    whose series is taken up to the terms that the fourth order needs.
+    Rotations do not commute: a Runge-Kutta method that sums the stages' angular velocities is of second order.  For
+    full order the rotation vector's own differential equation is integrated (Munthe-Kaas, Numerische Mathematik 87,
+    1999), with its series up to the terms that the fourth order needs.
 
     Args:
-        way: (nv,) from the pose where the step starts.
-        velocity: (nv,) in the pose at the way's end.
+        way: (nv,) displacement from the pose at the start of the step.
+        velocity: (nv,) in the pose at the end of the displacement.
         turning: (k, 3) from :func:`turning_dofs`.
     """
     if not len(turning):

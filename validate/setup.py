@@ -1,4 +1,4 @@
-"""Everything that a validation works with: the model with the spec's numbers in it, and what is tied to it."""
+"""The inputs of a validation: the model with the spec's numbers, and its connections to the solution."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stc.arguments import path as file_path
+from stc.model_source import opened
 from stc.recorded_files import changed, unpacked
 from stc.records import dataclass, field
 from stc.solution import Solution
@@ -35,25 +36,25 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Setup:
-    """A solution and its model, tied together.
+    """A solution and its model, connected by the replay lines.
 
     Attributes:
         solution: the motion.
-        path: of the model file.
-        compiled: the model as the spec sets it up; take a :meth:`model` of it to change options.
+        path: path of the model file.
+        compiled: the model with the fields that the spec sets; use a copy from :meth:`model` to change options.
         fields: model fields that the spec set, by path.
-        ties: the joints that the spec speaks of, part by part.
+        ties: the joints with ``joint`` lines, part by part.
         reference: their solved motion as a function of time.
-        controls: of the actuators.
+        controls: controls of the actuators.
         activations: states of actuators, as the solution has them.
         applied: forces that always act.
         contact: forces that the model's own contacts should supply.
-        outputs: what else is compared.
-        untied: how the joints move that the spec does not tie, once a replay has shown which of them do; None where
-            all are tied or it cannot be said.
-        unknown: why not, in words; "" elsewhere.
-        faults: where the model is not the one that the motion was solved for, one line each.
-        remarks: what a reader should know of where the model came from.
+        outputs: the compared outputs.
+        untied: the motion of the joints without ``joint`` lines, after a replay has shown which of them move; None if
+            there are none or their motion is not known.
+        unknown: why it is not known, in words; otherwise "".
+        faults: differences between the model and the one that the motion was solved for, one line each.
+        remarks: notes on the origin of the model.
     """
 
     solution: Solution
@@ -73,7 +74,7 @@ class Setup:
     remarks: list[str] = field(default_factory=list)
 
     def put(self, data: mujoco.MjData, part: str, frame: int) -> None:
-        """Set a simulation to the solved place, velocity and activations at a node."""
+        """Set a simulation to the solved position, velocity and activations at a node."""
         self.reference.put(data, self.reference.at(part, frame)[:2])
         data.act[self.activations.addresses] = self.activations.at(part, frame)
 
@@ -91,23 +92,27 @@ class Setup:
             made.jnt_limited[[made.dof_jntid[dof] for dof in self.contact.where.dofs if dof >= 0]] = 0
         return made
 
+    def description(self) -> mujoco.MjSpec:
+        """The model's description as its file and the spec's additions make it, without the spec's numbers."""
+        return opened(self.path, self.solution.additions).spec
+
     @property
     def all_forces(self) -> OuterForces:
-        """Applied and contact forces together: what acts where the model's contacts are switched off."""
+        """Applied and contact forces together, which act if the model's contacts are switched off."""
         return OuterForces(self.compiled, self.solution, ("apply", "contact"))
 
     @property
     def knows_activations(self) -> bool:
-        """Whether the solution tells the states of all actuators that have one."""
+        """Whether the solution contains the states of all actuators that have one."""
         return len(set(self.activations.addresses.tolist())) == self.compiled.na
 
     @property
     def all_tied(self) -> bool:
-        """Whether the solution tells how every coordinate of the model moves."""
+        """Whether the solution contains the motion of every coordinate of the model."""
         return len(self.reference.velocities) == self.compiled.nv
 
     def notes(self) -> list[str]:
-        """What the spec leaves out of the model, and where the model will not do what it is told."""
+        """Notes on elements of the model that the spec leaves out, and on inputs that the model changes."""
         notes = [*self.remarks]
         if self.solution.status != "optimal":
             notes.append(f"the solution is not optimal: {self.solution.status}")
@@ -115,7 +120,7 @@ class Setup:
         loose = [name for joint, name in enumerate(joint_names(self.compiled)) if joint not in tied]
         if loose:
             notes.append(
-                f"joints not tied to the spec start at rest where the model has them: {', '.join(loose)}"
+                f"joints without a `joint` line start at rest in the model's initial position: {', '.join(loose)}"
             )
         driven, takes = set(self.controls.actuators), self.compiled.actuator_ctrlnum
         names = enumerate(actuator_names(self.compiled))
@@ -131,12 +136,12 @@ class Setup:
 def prepare(
     solution: Solution, model: str | os.PathLike[str] | None = None, beside: Iterable[str | Path] = ()
 ) -> Setup:
-    """Find and compile the model of a solution, and tie the replay lines to it.
+    """Find and compile the model of a solution, and connect the replay lines to it.
 
     Args:
         solution: the motion.
-        model: another model file than the one that the spec names.
-        beside: folders to look in besides the one of the spec.
+        model: a model file to use in place of the one that the spec names.
+        beside: folders to search besides the one of the spec.
 
     Raises:
         ModelError: there is no model, or a replay line does not fit it.
@@ -144,11 +149,11 @@ def prepare(
     """
     solution.require_increasing_times()
     path, carried = _path(solution, model, beside)
-    compiled = load_model(path)
+    compiled = load_model(path, solution.additions)
     fields = apply_fields(compiled, solution)
     ties = tied_joints(compiled, solution)
     if not ties:
-        raise ModelError(f"the replay section of {solution.name} ties no joint: there is nothing to compare")
+        raise ModelError(f"the replay section of {solution.name} ties no joint: there cannot be compared")
     setup = Setup(
         solution,
         path,
@@ -164,7 +169,7 @@ def prepare(
     )
     if carried:
         setup.remarks.append(
-            f"there is no model {solution.model} here: the one that the solution carries is replayed"
+            f"there is no model {solution.model} here: the one stored in the solution is replayed"
         )
     elif model is None:
         setup.faults = model_faults(solution, path)
@@ -172,7 +177,9 @@ def prepare(
 
 
 def model_faults(solution: Solution, path: Path) -> list[str]:
-    """A line for a model that is not the one that a motion was solved for; nothing where it is, or is not recorded."""
+    """A line for a model that differs from the one that a motion was solved for; empty if it does not, or is not
+    recorded.
+    """
     other = changed(solution.files, path)
     if not other:
         return []
@@ -186,7 +193,7 @@ def model_faults(solution: Solution, path: Path) -> list[str]:
 
 
 def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> None:
-    """Find what a replay line names, before there is a motion; ``set`` lines leave a 1 in the model.
+    """Check a replay line against the model, before there is a motion; ``set`` lines leave a 1 in the model.
 
     Raises:
         ModelError: it is not in the model.
@@ -206,13 +213,13 @@ def require_line(model: mujoco.MjModel, kind: str, path: tuple[str, ...]) -> Non
 def _path(
     solution: Solution, model: str | os.PathLike[str] | None, beside: Iterable[str | Path]
 ) -> tuple[Path, bool]:
-    """Where the model is, and whether it is the one that the solution carries, where there is no other."""
+    """The path of the model, and whether it is the one stored in the solution because there is no other."""
     if model is not None:
         return find_model(file_path(model, "the model"), [Path()]), False
     if solution.model is None:
         raise ModelError(f"{solution.name} names no model: add a replay section to the spec to validate it")
     try:
-        return find_model(solution.model, [solution.directory, *beside]), False
+        return find_model(solution.model, [solution.directory or Path(), *beside]), False
     except ModelError:
         carried = unpacked(solution.files)
         if carried is None:

@@ -1,7 +1,7 @@
-"""Values given at the nodes of a solution, as functions of time the way its transcription means forces.
+"""Values at the nodes of a solution as functions of time, interpolated as its transcription interpolates forces.
 
-- ``central``: given at the frames, straight lines between them.  Where clipped stencils left the equations
-  of motion out (normally frames 0 and n) no force was determined, and the nearest frame's is held.
+- ``central``: given at the frames, straight lines between them.  At frames where clipped stencils
+  leave out the equations of motion (normally frames 0 and n) no force is determined; the nearest frame's is used.
 - ``trapezoidal``: straight lines between the frames.
 - ``hermite-simpson``: in every step the parabola through frame, midpoint and frame.
 - ``stepping``: in every step the value of the frame that ends it.

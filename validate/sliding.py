@@ -1,11 +1,11 @@
-"""Whether what slides has its friction: Coulomb's, all of it, against the way that each contact point slides.
+"""Whether a sliding body has its full friction: Coulomb's, against the sliding velocity of each contact point.
 
-A force inside the friction cone holds what stands.  Under what slides the friction is no longer free: it is the whole
-of what the normal force allows, against the velocity.  A contact that slides has therefore one ray where one that holds
-has a cone, and the solved forces of a node are fitted with these: contacts share a force, points of a body that turns
-slide in different ways and a wheel that rolls holds, without any of it being asked for.  MuJoCo's pyramidal cone gives
-its friction along the axis that slides faster, which counts as well as Coulomb's there.  A contact of ``condim`` 4 or 6
-that turns while it slides shares its elliptic cone between friction and moments, which counts as well.
+A standing contact may have any force inside the friction cone.  A sliding contact has no such freedom: its friction is
+the full friction of the normal force, against the velocity.  It has a single ray instead of a cone, and the solved
+forces of a node are fitted with these rays and cones.  The fit covers contacts that share a force, points of a
+rotating body that slide in different directions, and a rolling wheel, which does not slide.  MuJoCo's pyramidal cone
+has its friction along the axis that slides faster, which is accepted as well.  A contact of ``condim`` 4 or 6 that
+turns while it slides divides its elliptic cone between friction and moments, which is accepted as well.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ _PRESSED = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Sliding:
-    """How a body slides at m nodes.
+    """The sliding of a body at m nodes.
 
     Attributes:
         slides: (m,) whether it slides with friction, a force acting.
-        swings: (m,) whether its velocity there is as large, but swings from node to node and leads nowhere.
-        missing: (m,) the part of the solved force that sliding does not give, as a share of its friction.
-        way_without: how far it slides with another force than its friction, in m.
-        off_axes: whether the model's cone is a pyramid and it slides where that gives another friction than Coulomb's.
+        swings: (m,) whether its velocity there is as large, but alternates from node to node.
+        missing: (m,) the part of the solved force that differs from sliding friction, as a share of its friction.
+        way_without: the distance that it slides with another force than its friction, in m.
+        off_axes: whether the model's cone is a pyramid whose friction differs from Coulomb's in the sliding direction.
     """
 
     slides: np.ndarray
@@ -57,19 +57,19 @@ class Sliding:
 
     @property
     def right(self) -> np.ndarray:
-        """(m,) whether it slides and has its friction."""
+        """(m,) whether it slides and has its full friction."""
         return self.slides & (self.missing <= limits.FRICTION_MISSING)
 
 
 def sliding(
     setup: Setup, model: mujoco.MjModel, nodes: list[Node], forces: dict[int, FloatArray]
 ) -> dict[int, Sliding]:
-    """How bodies slide at the nodes of a motion.
+    """The sliding of bodies at the nodes of a motion.
 
     Args:
         setup: the motion.
-        model: its model, which finds contacts a little before they touch.
-        nodes: of the motion.
+        model: its model, which detects contacts a little before they touch.
+        nodes: the nodes of the motion.
         forces: per body (m, 3) the solved force on it.
     """
     fit, found = ContactFit(setup), {}
@@ -103,13 +103,13 @@ def sliding(
 
 @dataclass(frozen=True, slots=True)
 class _Moving:
-    """A contact with friction: its velocity across its normal (3,) along the world's axes, and what it may give.
+    """A moving contact with friction: its tangential velocity (3,) along the world's axes, and its possible forces.
 
     Attributes:
         velocity: in m/s.
-        whole: what the joints' speeds would make of it without cancelling one another, in m/s.
-        rays: (k, 3) edges of the forces that sliding gives, along the contact's own axes.
-        turning: (nv,) generalised force per unit normal force where it turns as well; None without such friction.
+        whole: the sum of the magnitudes of the joints' contributions to it, in m/s.
+        rays: (k, 3) edges of the possible sliding forces, along the contact's own axes.
+        turning: (nv,) generalised force per unit normal force if it turns as well; None without such friction.
     """
 
     velocity: FloatArray
@@ -119,7 +119,7 @@ class _Moving:
 
     @property
     def fast(self) -> bool:
-        """Whether it slides, as far as the one instant tells."""
+        """Whether the contact slides, judged by this instant alone."""
         return float(np.linalg.norm(self.velocity)) > max(_SLIDES, _CANCELLED * self.whole)
 
 
@@ -149,9 +149,9 @@ def _moving(model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]) -> dic
 def _turning(
     contact: mujoco.MjContact, moves: FloatArray, turns: FloatArray, rate: FloatArray
 ) -> FloatArray | None:
-    """(nv,) what a contact gives that has friction about axes too, per unit normal force; None where it has none.
+    """(nv,) the generalised force per unit normal force of a contact with friction about axes as well; None without it.
 
-    Most power is lost, as in :func:`_rays`, with friction in as many directions as its ``condim`` has.
+    As in :func:`_rays`, it is the force that dissipates most power, in as many directions as the ``condim`` has.
     """
     if contact.dim < 4:
         return None
@@ -163,16 +163,16 @@ def _turning(
 
 
 def _most_power(friction: FloatArray, velocity: FloatArray) -> FloatArray:
-    """(k,) the force of a round friction cone, per unit of normal force, that takes most power from a velocity (k,).
+    """(k,) the force of a round friction cone, per unit of normal force, that dissipates most power at a velocity (k,).
 
-    It is zero where no direction of the velocity has friction.
+    It is zero if no direction of the velocity has friction.
     """
     size = float(np.linalg.norm(friction * velocity))
     return friction**2 * velocity / size if size > 0.0 else np.zeros_like(velocity)
 
 
 def _rays(friction: FloatArray, velocity: FloatArray, pyramidal: bool) -> FloatArray:
-    """(k, 3) the forces of a contact that slides, per unit of its normal force, along its axes: those between them too.
+    """(k, 3) the possible forces of a sliding contact, per unit of its normal force, along its axes.
 
     Args:
         friction: (2,) coefficients along the tangents.
@@ -188,7 +188,7 @@ def _rays(friction: FloatArray, velocity: FloatArray, pyramidal: bool) -> FloatA
 
 
 def _differ(rays: FloatArray) -> bool:
-    """Whether the forces (k, 3) that a sliding contact may have are told apart."""
+    """Whether the possible forces (k, 3) of a sliding contact differ from one another."""
     spread = float(np.linalg.norm(np.ptp(rays[:, 1:], axis=0)))
     return spread > limits.FRICTION_MISSING * float(np.linalg.norm(rays[0, 1:]))
 
@@ -196,7 +196,9 @@ def _differ(rays: FloatArray) -> bool:
 def _missing(
     fit: ContactFit, node: Node, fast: dict[int, _Moving], levers: FloatArray, largest: float
 ) -> float:
-    """What the forces of sliding leave of the solved ones where cones would leave less, as a share of the friction."""
+    """The part of the solved forces that sliding friction does not explain but cones would, as a share of the
+    friction.
+    """
     from scipy.optimize import nnls
 
     edges, owners, reach = fit.edges({number: one.rays for number, one in fast.items()})

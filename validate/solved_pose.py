@@ -1,7 +1,8 @@
-"""Poses that the model forbids: joints beyond the ends of their ranges, equalities that the solved joints break.
+"""Poses that the model does not allow: joints beyond the ends of their ranges, equalities that the solved joints
+violate.
 
-Neither shows in the inverse dynamics, which leaves out what a joint limit and an equality give, and MuJoCo's own are
-springs that yield: a replay may come near a pose that no such mechanism has.
+Neither shows in the inverse dynamics, which ignores the forces of joint limits and equalities.  MuJoCo's own limits and
+equalities are compliant springs, so that a replay can come close to a pose that the mechanism does not have.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _NOTHING = 1e-12
 
 
 def beyond_range(setup: Setup, tie: Tie) -> tuple[float, float, float] | None:
-    """How far a joint goes beyond its range at the nodes, at most, where, and which end of the range that is.
+    """The largest distance of a joint beyond its range at the nodes, with its value and that end of the range.
 
     Returns:
         The distance, 0 or less within the range, the joint's value and the range's end, in m or rad; None where the
@@ -47,7 +48,9 @@ def beyond_range(setup: Setup, tie: Tie) -> tuple[float, float, float] | None:
 
 
 def limit_metrics(setup: Setup) -> list[Metric]:
-    """How far each tied joint goes beyond its range at the nodes; for information where a line states its stop."""
+    """The distance of each tied joint beyond its range at the nodes; for information if a line states the force of its
+    stop.
+    """
     # A stop that yields lets the joint go as far as its force, which the spec states, takes.
     stated = _stops_stated(setup)
     found = []
@@ -67,7 +70,7 @@ def _stops_stated(setup: Setup) -> set[int]:
 
 
 def limit_notes(setup: Setup) -> list[str]:
-    """Which joints rest at an end of their range, where the motion has no force of their stop."""
+    """A note on joints that rest at an end of their range, if the motion has no force of their stop."""
     stated, resting = _stops_stated(setup), []
     for tie in setup.ties:
         if tie.joint in stated or beyond_range(setup, tie) is None:
@@ -90,7 +93,9 @@ def limit_notes(setup: Setup) -> list[str]:
 
 
 def _allowed(setup: Setup, tie: Tie) -> float:
-    """How far beyond its range a joint may be: rounding of a stated bound, the solver's error, the method's own."""
+    """The allowed distance of a joint beyond its range: rounding of a stated bound, the solver's and the method's
+    error.
+    """
     solution = setup.solution
     left = limits.BEYOND_RANGE + limits.left_by_solver(solution.violation)
     if solution.method == "hermite-simpson" or not tie.knows_acceleration or not solution.n:
@@ -101,7 +106,7 @@ def _allowed(setup: Setup, tie: Tie) -> float:
 
 
 def equality_metrics(setup: Setup) -> list[Metric]:
-    """How far each equality of the model is from holding at the frames, where the spec tells the pose it is about."""
+    """The violation of each equality of the model at the frames, if the spec determines the pose that it constrains."""
     import mujoco
 
     model = setup.model(contacts=False)
@@ -152,7 +157,7 @@ def _moves(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray, dofs: n
 
 
 def _broken(model: mujoco.MjModel, index: int, gaps: FloatArray) -> list[tuple[str, float]]:
-    """Units and sizes of what is broken of an equality, from its rows."""
+    """Units and sizes of the violations of an equality, from its rows."""
     import mujoco
 
     kinds = mujoco.mjtEq
@@ -170,7 +175,7 @@ def _broken(model: mujoco.MjModel, index: int, gaps: FloatArray) -> list[tuple[s
 
 
 def equality_title(model: mujoco.MjModel, index: int) -> str:
-    """What an equality is called: its name, or what it joins."""
+    """The name of an equality, or the names of the elements that it connects."""
     import mujoco
 
     name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index)

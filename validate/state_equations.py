@@ -1,7 +1,7 @@
-"""A model's equations of motion at any state, whatever its joints: what is left of them there, force by force.
+"""A model's equations of motion at any state, with any joints: their residual, and each force.
 
-Where :class:`stc.validate.model_equations.ModelEquations` has a coordinate for each degree of freedom, this takes
-places, velocities and accelerations in MuJoCo's own order, so that free and ball joints are as good as others.
+:class:`stc.validate.model_equations.ModelEquations` has a coordinate for each degree of freedom; this module uses
+positions, velocities and accelerations in MuJoCo's own order, and thus supports free and ball joints.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class ModelState:
-    """A state in MuJoCo's order: place (nq,), velocity and acceleration (nv,), controls (nu,), activations (na,), and
-    the outer forces in the order of their lines.
+    """A state in MuJoCo's order: position (nq,), velocity and acceleration (nv,), controls (nu,), activations (na,),
+    and the external forces in the order of their lines.
     """
 
     q: FloatArray
@@ -44,7 +44,7 @@ class StateEquations:
     Attributes:
         dofs: names of the degrees of freedom: ``hip``, ``root.x``, ``root.wx``.
         outer: outer forces as their lines are written.
-        notes: what the model has that equations of motion do not speak of.
+        notes: elements of the model that are not part of the equations of motion.
     """
 
     def __init__(
@@ -52,13 +52,14 @@ class StateEquations:
         path: Path,
         fields: Mapping[tuple[str, ...], float],
         outer: Sequence[tuple[str, tuple[str, ...]]],
+        additions: Sequence[str] = (),
     ) -> None:
         """Compile a model and set its fields.
 
         Raises:
             ModelError: a path that the model does not have.
         """
-        model = load_model(path)
+        model = load_model(path, additions)
         set_fields(model, fields)
         self.model = model
         self.notes = _leftovers(model)
@@ -73,7 +74,8 @@ class StateEquations:
         ]
 
     def joint(self, path: tuple[str, ...]) -> tuple[int | None, int | None]:
-        """Where what a joint line names is in ``qpos`` and in ``qvel``; None for what is in one of them only.
+        """The indices in ``qpos`` and ``qvel`` of the element that a joint line names; None if it is not in one of
+        them.
 
         Raises:
             ModelError: there is no such joint, or it has no such part.
@@ -85,7 +87,7 @@ class StateEquations:
         return at, joint_dof(model, joint, part)
 
     def actuator(self, name: str) -> tuple[int | None, int | None]:
-        """Where what an actuator line names is in ``ctrl`` or in ``act``.
+        """The index in ``ctrl`` or ``act`` of the element that an actuator line names.
 
         Raises:
             ModelError: there is no such actuator.
@@ -94,7 +96,7 @@ class StateEquations:
         return (find_control(self.model, name)[1], None) if state is None else (None, state)
 
     def left(self, state: ModelState) -> tuple[FloatArray, float]:
-        """(nv,) the force that the motion takes less what is given, and the largest part of either."""
+        """(nv,) the required force minus the given force, and the largest part of either."""
         dynamics = self._dynamics
         dynamics.put(state.q, state.v)
         dynamics.data.act[:] = state.z
@@ -116,7 +118,7 @@ def _dofs(model: mujoco.MjModel, joint: int) -> list[str]:
 
 
 def _leftovers(model: mujoco.MjModel) -> list[str]:
-    """What acts in the model besides its smooth equations of motion."""
+    """Elements of the model that act besides its smooth equations of motion."""
     left = {
         "joint limits": model.jnt_limited,
         "limits of tendons": model.tendon_limited,

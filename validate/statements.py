@@ -1,7 +1,7 @@
-"""What a spec states between the nodes: how far a motion breaks its own statements where no row holds them.
+"""The spec's statements between the nodes, where the transcription does not impose them: their violations.
 
-The validation knows no expressions: whoever has the spec evaluates its statements along the motion and hands
-over one :class:`StatementCheck` each (:mod:`stc.studies.statements`).
+The validation knows no expressions: a module that has the spec evaluates its statements along the motion and passes on
+one :class:`StatementCheck` each (:mod:`stc.studies.statements`).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class StatementCheck:
         text: the statement as the spec writes it.
         place: file and line.
         equality: whether it is an equation.
-        share: violation as a share of what the statement compares, see :mod:`stc.between`.
-        time: when, in seconds.
+        share: violation as a share of the compared quantity, see :mod:`stc.between`.
+        time: time of the violation, in seconds.
     """
 
     text: str

@@ -1,7 +1,6 @@
-"""Each step of a motion on its own: from the solved state at its left frame, where does MuJoCo go?
+"""Each step of a motion simulated alone, from the solved state at its left frame.
 
-Nothing accumulates and nothing grows, so that an unstable motion can be asked as well, and the step that is at fault
-shows itself.
+Errors do not accumulate or grow, so that this also works for an unstable motion, and shows which step is wrong.
 """
 
 from __future__ import annotations
@@ -15,9 +14,10 @@ from stc.validate.setup import Setup
 
 
 def step_errors(setup: Setup, time_step: float = limits.TIME_STEP) -> FloatArray:
-    """How far MuJoCo ends each step from the solved state, in m and rad, all tied joints together. (n,)
+    """The distance of MuJoCo's state at the end of each step from the solved one, in m and rad, over all tied joints.
+    (n,)
 
-    What the step adds to the velocity counts with the time in which feedback takes deviations back,
+    Errors of the velocity are multiplied by the time constant of the feedback,
     1/:data:`stc.validate.limits.TRACKING_RATE`.  Solved contact forces act in place of the model's contacts.
 
     Args:

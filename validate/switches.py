@@ -1,4 +1,6 @@
-"""What the flags under `option` of a model switch off is taken out of it, so that nobody else has to look."""
+"""Elements that flags under `option` of a model switch off are removed from it, so that no other module must check
+them.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +11,8 @@ if TYPE_CHECKING:
 
 
 def take_out(model: mujoco.MjModel) -> None:
-    """Take limits, the clamping of controls, dry friction and equality constraints that are switched off out of a
-    compiled model: MuJoCo simulates it as before.
+    """Remove disabled limits, clamping of controls, dry friction and equality constraints from a compiled model, which
+    MuJoCo simulates as before.
     """
     import mujoco
 

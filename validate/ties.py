@@ -1,4 +1,4 @@
-"""What ties the joints of a model to a spec: coordinates along or about one axis, and orientations.
+"""The connections of a model's joints to a spec: coordinates along or about one axis, and orientations.
 
 A slide or hinge joint is one coordinate, ``joint NAME``.  A free joint is three of them, where its body is in the
 world, and an orientation; a ball joint is an orientation.  Each has lines of its own in the replay section:
@@ -42,14 +42,14 @@ class Tie(ABC):
     """A part of a joint that is tied to the spec and compared as one quantity.
 
     Attributes:
-        name: how it is told of: the joint's name, and for parts of a free joint what follows.
+        name: its name in messages: the joint's name, and for parts of a free joint a suffix.
         unit: ``m`` or ``rad``.
         joint: index of its joint in the model.
         positions: its indices in ``qpos``.
         velocities: its indices in ``qvel``.
         dofs: names of its degrees of freedom.
-        sources: curves of its entries in ``qpos``, in ``qvel`` and in ``qacc``; the last are empty where the solution
-            does not know them.
+        sources: curves of its entries in ``qpos``, in ``qvel`` and in ``qacc``; the last are empty if the solution
+            does not contain them.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Tie(ABC):
 
     @property
     def knows_acceleration(self) -> bool:
-        """Whether the solution tells it."""
+        """Whether the solution contains its acceleration."""
         return bool(self.sources[2])
 
     def channels(self, part: int) -> list[Channel]:
@@ -86,7 +86,7 @@ class Tie(ABC):
 
     @abstractmethod
     def gap(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """(...) how far it is from one place to another, (..., k) both: with a sign where it has one."""
+        """(...) the distance from one position (..., k) to another; signed for a coordinate."""
 
     @abstractmethod
     def shown(self, positions: FloatArray) -> FloatArray:
@@ -95,25 +95,25 @@ class Tie(ABC):
     @property
     @abstractmethod
     def extent(self) -> float:
-        """The distance between two of its places at the frames, at most."""
+        """The largest distance between two of its positions at the frames."""
 
     @abstractmethod
     def largest_jump(self, limited: bool) -> float:
-        """How far it is after a frame from where it is before it, at most; ``limited``: whether its range is."""
+        """The largest distance of its values before and after a frame; ``limited``: whether its range is enabled."""
 
     @abstractmethod
     def beyond(self, lower: float, upper: float) -> tuple[float, float, float]:
-        """How far it goes beyond its range at the nodes, its value there and the range's end."""
+        """The largest distance beyond its range at the nodes, its value there and the end of the range."""
 
 
 class Coordinate(Tie):
-    """A slide or hinge joint, or one coordinate of a free joint's place.
+    """A slide or hinge joint, or one coordinate of a free joint's position.
 
     Attributes:
         position: its index in ``qpos``.
         velocity: its index in ``qvel``.
         line: the replay line.
-        axis: which axis of the world it goes along; None where the joint has an axis.
+        axis: the axis of the world for a free joint; None if the joint has its own axis.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class Coordinate(Tie):
             ModelError: the solution lacks its velocity.
         """
         if line.rate is None:
-            raise ModelError(f"joint {line.name}: the solution does not know how fast it moves at the start")
+            raise ModelError(f"joint {line.name}: the solution has no velocity for it at the start")
         self.name, self.unit, self.joint, self.line, self.axis = name, unit, joint, line, axis
         self.position, self.velocity = address
         self.positions, self.velocities, self.dofs = (self.position,), (self.velocity,), (name,)
@@ -158,8 +158,8 @@ class Coordinate(Tie):
     def largest_jump(self, limited: bool) -> float:
         """See :meth:`Tie.largest_jump`.
 
-        Inside the motion the replay tells turns apart.  At its ends nothing does: a hinge that may turn all around is
-        where it is however many turns are counted.
+        Inside the motion the replay distinguishes whole turns.  At its ends nothing does: for a hinge without a range,
+        a change by whole turns is not a jump.
         """
         jump = self.line.value.after - self.line.value.before
         if self.unit == "rad" and not limited:
@@ -174,7 +174,7 @@ class Coordinate(Tie):
 
 
 class Orientation(Tie):
-    """A ball joint, or how a free joint's body is turned."""
+    """A ball joint, or the orientation of a free joint's body."""
 
     unit = "rad"
 
@@ -187,7 +187,7 @@ class Orientation(Tie):
             name: the joint's.
             joint: its index.
             address: of the quaternion in ``qpos`` and of the angular velocity in ``qvel``.
-            called: how the orientation is told of.
+            called: its name in messages.
             lines: by :data:`QUATERNION` and :data:`TURNING`.
         """
         self.name, self.joint = called, joint
@@ -229,7 +229,7 @@ class Orientation(Tie):
 
 
 def tied_joints(model: mujoco.MjModel, solution: Solution) -> list[Tie]:
-    """The joints that the spec's ``joint`` lines speak of, in their order.
+    """The joints with ``joint`` lines in the spec, in their order.
 
     Raises:
         ModelError: an unknown joint, parts that are missing or that a joint does not have, or a velocity that the
@@ -243,7 +243,7 @@ def tied_joints(model: mujoco.MjModel, solution: Solution) -> list[Tie]:
 
 
 def joint_part(model: mujoco.MjModel, path: tuple[str, ...]) -> tuple[int, str]:
-    """The joint that a path is about, and which part of it: "" for a slide or hinge joint.
+    """The joint that a path names, and its part: "" for a slide or hinge joint.
 
     Raises:
         ModelError: there is no such joint, or it has no such part.
@@ -279,7 +279,7 @@ def find_joint(model: mujoco.MjModel, name: str) -> tuple[int, int, str]:
 
 
 def parts_of(model: mujoco.MjModel, joint: int) -> tuple[str, ...]:
-    """What the lines of a joint end with; "" for slide and hinge joints, which have one."""
+    """The suffixes of the lines of a joint; "" for slide and hinge joints, which have one line."""
     import mujoco
 
     kinds = mujoco.mjtJoint
@@ -290,7 +290,7 @@ def parts_of(model: mujoco.MjModel, joint: int) -> tuple[str, ...]:
 
 
 def joint_dof(model: mujoco.MjModel, joint: int, part: str) -> int | None:
-    """The degree of freedom of a part of a joint; None for a component of a quaternion, which is none."""
+    """The degree of freedom of a part of a joint; None for a component of a quaternion."""
     first = int(model.jnt_dofadr[joint])
     parts = [one for one in parts_of(model, joint) if one not in QUATERNION]
     return first + parts.index(part) if part in parts else None
@@ -314,7 +314,7 @@ def _ties(model: mujoco.MjModel, joint: int, lines: Mapping[str, ReplayChannel])
 
 
 def _orders(line: ReplayChannel, most: int = 2) -> dict[int, Channel]:
-    """A line's value and its derivatives up to an order, as far as they are known without a gap."""
+    """A line's value and its derivatives up to an order, as far as they are known."""
     found: dict[int, Channel] = {}
     for order, channel in enumerate((line.value, line.rate, line.acceleration)[: most + 1]):
         if channel is None:
@@ -324,7 +324,7 @@ def _orders(line: ReplayChannel, most: int = 2) -> dict[int, Channel]:
 
 
 def _of_one_sign(quaternion: Sequence[Mapping[int, Channel]]) -> list[dict[int, Channel]]:
-    """The components of a quaternion and their derivatives, with signs that have no sudden change."""
+    """The components of a quaternion and their derivatives, with signs that do not change abruptly."""
     value = [component[0] for component in quaternion]
     before, after = (np.stack([getattr(c, side) for c in value]) for side in ("before", "after"))
     mid = None if value[0].mid is None else np.stack([c.mid for c in value if c.mid is not None])

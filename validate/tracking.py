@@ -1,4 +1,4 @@
-"""Feedback that holds a replay on the solved motion: a time-varying linear-quadratic regulator, or PD.
+"""Feedback that stabilises a replay about the solved motion: a time-varying linear-quadratic regulator, or PD.
 
 The regulator minimises, for the linearised deviations x from the solved motion and the corrections u of the
 controls, the sum over time of x'Qx + u'Ru with the weights of Bryson's rule: each entry of Q and R is one
@@ -6,9 +6,9 @@ over the square of the deviation or correction that is thought tolerable (:mod:`
 gains follow from the Riccati recursion backwards in time (Anderson and Moore, Optimal Control: Linear
 Quadratic Methods, 1990, section 2.4).
 
-Where that cannot be had (the solution does not tell how every coordinate moves, contacts make the linear map
-meaningless, or the recursion breaks down) each actuator that moves a tied joint, or several by a fixed tendon, gets
-a proportional-derivative law for these, tuned to the inertia that they have on the way.
+If there is no regulator (the motion of a coordinate is not known, contacts make the linear map meaningless, or the
+recursion breaks down), each actuator that moves a tied joint, or several by a fixed tendon, gets a
+proportional-derivative law for these, tuned to their inertia along the motion.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Law:
     reference: Reference
 
     def correction(self, part: int, qpos: FloatArray, qvel: FloatArray) -> FloatArray:
-        """What to add to the controls, (..., m), given states (..., nq) and (..., nv) at instant ``part``."""
+        """The correction of the controls, (..., m), for states (..., nq) and (..., nv) at instant ``part``."""
         reference = self.reference
         way = reference.deviation(qpos[..., reference.positions], self.poses[part])
         change = self.rates[part] - qvel[..., reference.velocities]
@@ -76,7 +76,7 @@ class Feedback:
 
 
 def regulator(setup: Setup, maps: Linearisation) -> Feedback | None:
-    """The time-varying linear-quadratic regulator; None where there is nothing to steer or no finite gain."""
+    """The time-varying linear-quadratic regulator; None if no actuator can steer or a gain is not finite."""
     gains = _riccati(maps, _control_scales(setup))
     if gains is None:
         return None
@@ -125,10 +125,10 @@ def _riccati(maps: Linearisation, scales: FloatArray) -> FloatArray | None:
 
 
 def proportional(setup: Setup) -> Feedback | None:
-    """A proportional-derivative law for every actuator with tied joints of its own; None where there is none.
+    """A proportional-derivative law for every actuator with tied joints of its own; None if there is none.
 
-    An actuator that pulls along a direction e of the generalised forces, with the strength s, gets what makes the
-    deviation along e an oscillator of :data:`limits.PD_RATE` with the inertia that the model has along e.
+    For an actuator that acts along a direction e of the generalised forces, with the strength s, the gains make the
+    deviation along e an oscillator of :data:`limits.PD_RATE` with the model's inertia along e.
     """
     tied = setup.reference.velocities
     gain = np.zeros((len(setup.controls), 2 * len(tied)))
@@ -147,12 +147,12 @@ def proportional(setup: Setup) -> Feedback | None:
 
 
 def strengths(setup: Setup) -> FloatArray:
-    """(m,) the largest generalised force, in N or N m, that one unit of each control gives where the motion starts."""
+    """(m,) the largest generalised force, in N or N m, of one unit of each control at the start of the motion."""
     return np.abs(pulls(setup)).max(axis=1, initial=0.0)
 
 
 def contact_effort(setup: Setup) -> FloatArray:
-    """(m,) what solved contact forces give to the joints of each actuator, as the integral of a control's magnitude.
+    """(m,) the integral of the solved contact forces on the joints of each actuator, for comparison with its effort.
 
     Zero for actuators without joints of their own.
     """

@@ -1,4 +1,4 @@
-"""What actuators move: one joint directly, several through a tendon, or none, where they push against the world."""
+"""The joints that actuators move: one directly, several through a tendon, or none, if they push against the world."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def pulls(setup: Setup) -> FloatArray:
 
 
 def own_pull(setup: Setup) -> FloatArray:
-    """(m, nv) the same of actuators that pull in one direction whatever the pose; zeros for all others.
+    """(m, nv) the same for actuators whose direction does not depend on the pose; zeros for all others.
 
     These act on a joint along its own coordinates, or on several by a fixed tendon.
     """
@@ -50,7 +50,7 @@ def own_pull(setup: Setup) -> FloatArray:
 
 
 def _fixed(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether the direction in which an actuator pulls is the same in every pose."""
+    """Whether the direction of an actuator is the same in every pose."""
     import mujoco
 
     kinds, joints, kind = mujoco.mjtTrn, mujoco.mjtJoint, int(model.actuator_trntype[actuator])
@@ -66,7 +66,7 @@ def _fixed(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def driven_dofs(setup: Setup) -> set[int]:
-    """The degrees of freedom that the spec's actuators move, where the motion starts.
+    """The degrees of freedom that the spec's actuators move at the start of the motion.
 
     A jet at a site and an adhering body push the model as a whole: no joint is theirs.
     """

@@ -1,7 +1,8 @@
-"""Geoms that touch where the spec has no contact force: what they give is in the replay and not in the solution.
+"""Geoms that touch although the spec has no contact force there: their forces are in the replay and not in the
+solution.
 
-That is so where no ``contact`` line speaks of either body, and on the frames where the force of the lines that do is
-zero, such as those of a foot that swings.
+This concerns pairs whose bodies have no ``contact`` line, and frames where the force of the lines is zero, as for a
+swinging foot.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ _ACTS = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """Geoms that touch where they should not.
+    """Geoms that touch although they should not.
 
     Attributes:
-        line: what touches and when, in words.
-        advice: what to do about it.
+        line: a description of the contact and its time.
+        advice: the advice.
     """
 
     line: str
@@ -50,16 +51,15 @@ class Touch:
 
 
 def unmentioned_contacts(setup: Setup, motion: Replay) -> tuple[list[Touch], list[Touch]]:
-    """Which geoms that tied joints move touch where the spec has no contact force, and when.
+    """Geoms, moved by tied joints, that touch although the spec has no contact force there.
 
     Args:
         setup: the motion.
-        motion: its replay, which stands for the joints that are not tied.
+        motion: its replay, which gives the positions of joints that are not tied.
 
     Returns:
-        Those that touch in the solved motion, or come so near that they do in the replay; those that do in the replay
-        only, as what goes astray may.  Nothing where a contact line holds a joint, and not a body: what touches for it
-        is not known.
+        Those that touch in the solved motion, or come so close that they touch in the replay; and those that touch in
+        the replay only.  Empty if a contact line acts on a joint instead of a body, because its geoms are not known.
     """
     if not can_touch(setup.compiled) or any(line.path[0] == "joint" for line in setup.contact.lines):
         return [], []
@@ -151,8 +151,7 @@ def _told(setup: Setup, touches: dict[tuple[int, int], list[float]], what: str) 
             found.append(
                 Touch(
                     f"{names} {what} at t = {times[0]:.4g} s, which no `contact` line mentions",
-                    "keep them apart, or state the force between them and hand it over with `contact` lines under "
-                    "replay:",
+                    "keep them apart, or state the force between them and give it in `contact` lines under replay:",
                 )
             )
             continue

@@ -1,12 +1,12 @@
-"""How the joints move that the spec does not tie, along the solved motion of those that it does.
+"""The motion of joints that the spec does not tie, along the solved motion of the others.
 
-An untied joint that stays where it is in the replay is held there.  The others move freely: at every instant their
-accelerations are those at which the generalised force on them is what the model gives them (actuators, springs,
-dampers, outer forces), while the tied joints move as they were solved.  That is inverse dynamics of the tied and
-forward dynamics of the untied coordinates, integrated by the classical Runge-Kutta method.
+An untied joint that stays in place in the replay is held there.  The others move freely: at every instant their
+accelerations are those at which the generalised force on them equals that of the model (actuators, springs, dampers,
+external forces), while the tied joints move as solved.  This combines inverse dynamics of the tied coordinates and
+forward dynamics of the untied ones, integrated by the classical Runge-Kutta method.
 
-It is well defined as long as nothing else joins the two: where an equality, a contact or a tendon's friction acts
-between them, its force is not known.
+It is well defined as long as no equality, contact or tendon friction acts between tied and untied joints, since its
+force would not be known.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _LOOKED_AT = 200
 
 
 class UntiedMotion:
-    """Positions and velocities of the joints that no ``joint`` line names.
+    """Positions and velocities of the joints without a ``joint`` line.
 
     Vectors are the model's own, ``qpos`` and ``qvel``; their tied entries mean nothing.
 
@@ -55,7 +55,7 @@ class UntiedMotion:
     """
 
     def __init__(self, setup: Setup, path: FloatArray) -> None:
-        """Find the motion.
+        """Compute the motion.
 
         Args:
             setup: the motion and its model.
@@ -105,7 +105,7 @@ class UntiedMotion:
 
         Args:
             mass: (nv, nv) the mass matrix.
-            missing: (nv,) what the model gives besides what the motion without these accelerations takes.
+            missing: (nv,) the model's forces less those of the motion without these accelerations.
         """
         found = np.zeros(len(missing))
         free = self.free
@@ -116,7 +116,7 @@ class UntiedMotion:
         return np.array(self._model.qpos0), np.zeros(self._model.nv)
 
     def _run(self) -> None:
-        """All steps one after the other; where tied velocities jump, nothing else pushes the free joints."""
+        """All steps in order; tied velocities that jump do not move the free joints."""
         reference, state = self._setup.reference, self._rest()
         for step in steps("untied joints", self._setup.solution.n):
             jump = np.zeros(self._model.nv)
@@ -198,7 +198,7 @@ class UntiedMotion:
 
 
 def untied_motion(setup: Setup, path: FloatArray) -> tuple[UntiedMotion | None, str]:
-    """How untied joints move; None where there are none, or where it cannot be said, and then why not.
+    """The motion of untied joints; None if there are none, or if it is not known, and then the reason.
 
     Args:
         setup: the motion and its model.
@@ -209,20 +209,20 @@ def untied_motion(setup: Setup, path: FloatArray) -> tuple[UntiedMotion | None, 
     found = UntiedMotion(setup, path)
     if found.coupled:
         return None, (
-            f"constraints of the model (equalities, contacts, tendons) join {', '.join(found.coupled)}, which the "
-            "spec does not tie, to joints that it ties"
+            f"constraints of the model (equalities, contacts, tendons) join {', '.join(found.coupled)}, which have no "
+            "`joint` line in the spec, with joints that have one"
         )
     if not all(np.isfinite(np.concatenate(end)).all() for end in found.ends):
-        return None, "the joints that the spec does not tie leave all bounds"
+        return None, "the joints without a `joint` line leave all bounds"
     return found, ""
 
 
 def unknown_forces(setup: Setup) -> str:
-    """Why the generalised forces of a solved motion cannot be said, in words; "" where they can."""
+    """Why the generalised forces of a solved motion are not known, in words; "" if they are."""
     if setup.compiled.na and not (setup.all_tied and setup.knows_activations):
-        return "actuators of the model have a state of their own, and the spec does not tell all states and joints"
+        return "actuators of the model have a state of their own, and the spec does not give all states and joints"
     if not setup.reference.has_acceleration:
-        return "the solution does not know the accelerations of all joints"
+        return "the solution does not contain the accelerations of all joints"
     return ""
 
 
@@ -246,7 +246,7 @@ def _moving(setup: Setup, path: FloatArray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _constraints(setup: Setup, path: FloatArray, free: np.ndarray) -> tuple[bool, list[str]]:
-    """Whether constraints act on free coordinates along the replay, and the joints that they join to tied ones."""
+    """Whether constraints act on free coordinates along the replay, and the joints that they couple with tied ones."""
     import mujoco
 
     model = setup.model()

@@ -42,26 +42,26 @@ from stc.validate.warnings import caught_warnings
 
 
 class NotOptimalError(StcError):
-    """The solve did not end in an optimum, so that there is nothing to judge."""
+    """The solve did not end optimal, so that there is no motion to judge."""
 
 
 @dataclass(slots=True)
 class Replays:
-    """What was simulated to judge a motion.
+    """The simulations of a motion.
 
     Attributes:
         setup: the motion and its model.
-        open_loop: the forces alone.
-        growth: of small errors along the motion; None where it cannot be said.
-        growth_apart: the same within a phase, where contacts give the solved forces whatever happens.
-        tracked: with feedback, or None where there is nothing to steer with.
+        open_loop: the replay with the solved forces alone.
+        growth: growth of small errors along the motion; None if it is not known.
+        growth_apart: the same within a phase, with fixed contact forces.
+        tracked: the replay with feedback, or None if no actuator can steer.
         tracked_by: ``LQR``, ``PD`` or "".
         external: open loop with the solved contact forces in place of the model's contacts; None without any.
-        ground: the contact forces, solved and as MuJoCo found them: open loop, or tracked where errors grow.
-        explanation: which number of the model explains a residual, in words; "" where none does.
-        touching: geoms that touch in the motion where the spec has no contact force.
-        strays: the same of those that do in a replay only.
-        notes: what was noticed on the way.
+        ground: the contact forces, solved and in MuJoCo: open loop, or tracked if errors grow.
+        explanation: the number of the model that explains a residual, in words; "" if there is none.
+        touching: geoms that touch in the motion although the spec has no contact force there.
+        strays: geoms that do so in a replay only.
+        notes: notes of the replays.
     """
 
     setup: Setup
@@ -79,7 +79,7 @@ class Replays:
 
     @property
     def unstable(self) -> bool:
-        """Whether errors grow so much that only feedback keeps a replay near the motion."""
+        """Whether errors grow so much that only feedback keeps a replay close to the motion."""
         return self.growth is not None and self.growth >= limits.UNSTABLE_GROWTH
 
 
@@ -95,21 +95,40 @@ def validate(
 ) -> Report:
     """Replay a solution in MuJoCo and judge it.
 
-    Args:
-        solution: a solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
-        model: another model file than the one that the spec names.
-        force: judge a solution that is not optimal as well.
-        time_step: longest time step of the replay, in seconds.
-        integrator: one of :data:`stc.validate.replay.INTEGRATORS`.
-        tracked: whether to replay with feedback as well.
-        statements: how well the spec's statements hold between the nodes, from whoever can evaluate them.
+    Parameters
+    ----------
+    solution : Solution | str | os.PathLike[str]
+        A solution, the path of a saved one, or a spec (a path, a bundled name, its text) to solve first.
+    model : str | os.PathLike[str] | None
+        A model file to use in place of the one that the spec names.
+    force : bool
+        Whether to judge a solution that is not optimal.
+    time_step : float
+        Longest time step of the replay, in seconds.
+    integrator : str
+        One of :data:`stc.validate.replay.INTEGRATORS`.
+    tracked : bool
+        Whether to replay with feedback as well.
+    statements : Sequence[StatementCheck]
+        Violations of the spec's statements between the nodes, evaluated by the caller.
 
-    Raises:
-        NotOptimalError: the solution's status is not ``optimal`` and ``force`` is not given.
-        ModelError: there is no model, or a replay line does not fit it.
-        UsageError: a solution file, time step or integrator that cannot be used.
-        SolutionError: the solution file is damaged, or time does not increase along the solution.
-        SpecError, EvaluationError: mistakes in a spec.
+    Returns
+    -------
+    Report
+        The report, with all measurements, their limits and verdicts.
+
+    Raises
+    ------
+    NotOptimalError
+        The solution's status is not ``optimal`` and ``force`` is not given.
+    ModelError
+        There is no model, or a replay line does not fit it.
+    UsageError
+        A solution file, time step or integrator that cannot be used.
+    SolutionError
+        The solution file is damaged, or time does not increase along the solution.
+    SpecError, EvaluationError
+        Mistakes in a spec.
     """
     return examine(
         solution,
@@ -132,7 +151,7 @@ def examine(
     tracked: bool = True,
     statements: Sequence[StatementCheck] = (),
 ) -> tuple[Report, Replays]:
-    """As :func:`validate`, together with what was simulated, for whoever draws it."""
+    """As :func:`validate`, and returns the simulations as well."""
     started = time.perf_counter()
     with caught_warnings() as warnings:
         setup = open_setup(solution, model, force=force)
@@ -151,7 +170,7 @@ def open_setup(
     *,
     force: bool = False,
 ) -> Setup:
-    """A solution or its file with its model; arguments and errors as of :func:`validate`."""
+    """A solution or its file with its model; arguments and errors as for :func:`validate`."""
     beside: list[str | Path] = []
     if not isinstance(solution, Solution | str | os.PathLike):
         raise UsageError(
@@ -170,13 +189,13 @@ def open_setup(
         )
     if solution.is_sketch:
         raise UsageError(
-            f"the motion of {solution.name} is one in time steps, of first order, and is not replayed",
+            f"the motion of {solution.name} was found by time stepping, which is of first order, and is not replayed",
             "`stc schedule` writes its contacts as ranges of frames, to be solved and validated",
         )
     setup = prepare(solution, model, beside)
     if beside and model is None and not solution.files:
         setup.remarks.append(
-            "the file does not say which model it was made for: the one that is here is replayed"
+            "the file does not say for which model it was solved; the model found here is replayed"
         )
     return setup
 
@@ -184,7 +203,7 @@ def open_setup(
 def run_replays(
     setup: Setup, time_step: float = limits.TIME_STEP, integrator: str = "rk4", tracked: bool = True
 ) -> Replays:
-    """All replays that a verdict takes: open loop, tracked if asked for and, with contact forces, external.
+    """All replays for a verdict: open loop, tracked if requested and, with contact forces, external.
 
     Raises:
         UsageError: a time step or integrator that cannot be used.
@@ -213,7 +232,7 @@ def run_replays(
 
 
 def _hand_over(found: Replays, longest: float, integrator: str) -> None:
-    """The replay with the solved contact forces, and how errors grow in it."""
+    """The replay with the solved contact forces, and the growth of errors in it."""
     setup = found.setup
     # No contact asks for short steps.
     time_step = time_step_for(setup, longest, contacts=False)
@@ -224,7 +243,7 @@ def _hand_over(found: Replays, longest: float, integrator: str) -> None:
 
 
 def steering(setup: Setup) -> tuple[float | None, list[Feedback]]:
-    """How small errors grow along a motion, where that can be said, and the feedback laws that may hold it.
+    """The growth of small errors along a motion, if it is known, and the available feedback laws.
 
     Returns:
         The growth, or None; the laws, the better one first.
@@ -242,7 +261,7 @@ def steering(setup: Setup) -> tuple[float | None, list[Feedback]]:
 
 
 def _track(found: Replays, time_step: float, integrator: str) -> ContactMeter | None:
-    """The tracked replay and the growth of errors, as far as the solution tells enough; what its contacts gave."""
+    """The tracked replay, the growth of errors if it is known, and the contact forces."""
     setup, kept = found.setup, None
     found.growth, laws = steering(setup)
     for law in laws:
@@ -256,7 +275,7 @@ def _track(found: Replays, time_step: float, integrator: str) -> ContactMeter | 
 
 
 def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claims) -> Report:
-    """The report but for warnings and wall time."""
+    """The report without warnings and wall time."""
     import mujoco
 
     setup, motion = replays.setup, replays.open_loop
@@ -269,8 +288,8 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claim
     if setup.compiled.na and tracked:
         tracked = [metric.without_limit() for metric in tracked]
         replays.notes.append(
-            "feedback reckons with actuators that answer at once: as those of the model lag behind their controls, the "
-            "tracked replay is for information, and the open-loop drift judges"
+            "the feedback assumes actuators without delay; since those of the model lag behind their controls, the "
+            "tracked replay is for information, and the open-loop drift is judged"
         )
     metrics += tracked
     if replays.external is not None:
@@ -282,7 +301,7 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claim
         if failed and apart >= limits.UNSTABLE_GROWTH and replays.tracked is not None:
             drifts = [metric.without_limit() for metric in drifts]
             replays.notes.append(
-                f"with the contact forces handed over, errors grow up to {apart:.3g} times within a phase: the "
+                f"with the solved contact forces applied, errors grow up to {apart:.3g} times within a phase: the "
                 "external drift is for information"
             )
         metrics += drifts
@@ -332,7 +351,7 @@ def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claim
 
 
 def _unjudged(setup: Setup, metrics: Sequence[Metric]) -> list[str]:
-    """Names of the measurements of physics that a motion like this one should have and that could not be made."""
+    """Names of the physical measurements that a motion of this kind should have and that could not be made."""
     if not setup.solution.n:
         return []
     wanted = ["inverse-dynamics residual", "energy balance"]
@@ -345,9 +364,9 @@ def _unjudged(setup: Setup, metrics: Sequence[Metric]) -> list[str]:
 
 
 def _why_not(setup: Setup) -> str:
-    """Why something is not judged, in words."""
+    """The reason why a measurement is not judged, in words."""
     return (
-        unknown_forces(setup) or setup.unknown or "there are joints in the model which the spec does not tie"
+        unknown_forces(setup) or setup.unknown or "some joints of the model have no `joint` line in the spec"
     )
 
 
@@ -407,7 +426,7 @@ def _tracked_metrics(replays: Replays, force: float) -> list[Metric]:
 
 
 def _corrected(replays: Replays, tracked: Replay) -> FloatArray:
-    """(m,) the integral of the feedback's absolute value per actuator.
+    """(m,) the integral of the absolute feedback of each actuator.
 
     Where a body slides, its bounces make the friction flicker, and the feedback with it: there the means over the
     windows count that the contact forces are compared in; and where a wheel rolls whose speed swings from node to node.
@@ -429,7 +448,7 @@ def _drifts(
     *,
     of_extent: bool = True,
 ) -> list[Metric]:
-    """How far joints and compared outputs drift; of a small motion less than the limit is allowed if ``of_extent``."""
+    """The drifts of joints and compared outputs; if ``of_extent``, the limit is smaller for a small motion."""
     method = setup.solution.method
     # An output may be a speed, which is large where the motion is small and fast.
     signals = [

@@ -1,4 +1,4 @@
-"""MuJoCo's warnings, caught instead of printed and appended to a log file in the working directory."""
+"""MuJoCo's warnings, collected instead of printed and appended to a log file in the working directory."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from stc.validate.model import require_mujoco
 
 @contextmanager
 def caught_warnings() -> Iterator[list[str]]:
-    """Collect what MuJoCo warns of, each kind once, as one-line texts in the list that is handed out."""
+    """Collect MuJoCo's warnings, each kind once, as one-line texts in the yielded list."""
     require_mujoco()
     import mujoco
 

@@ -234,9 +234,6 @@ def cold(
     """Whole processes, from their start to the solution saved."""
     names = {one.name for one in present}
     found: dict[tuple[str, Case], Measured] = {}
-    # What an installation carries; a checkout's own may be older than its sources.
-    shipped = ROOT / "stc" / "codegen" / "shipped_objects"
-    run([sys.executable, "-m", "stc.compile_ahead", str(shipped)], environment(), 300.0)
     with tempfile.TemporaryDirectory() as folder:
         starts = _starts(Path(folder))
         for number in range(

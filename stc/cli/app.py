@@ -1,4 +1,4 @@
-"""The commands and their options; what they do is in :mod:`stc.cli.jobs`."""
+"""The commands and their options; :mod:`stc.cli.jobs` has their implementation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 from typer.models import CommandInfo
 
 from stc import __version__
-from stc.cli import exports, jobs, perturbed, pictures, studies, sweeping
+from stc.cli import editor, explaining, exports, jobs, perturbed, pictures, steering, studies, sweeping
 from stc.cli import view as viewing
 from stc.cli.options import solve_options, writable_page
 from stc.cli.parameters import (
@@ -45,15 +45,15 @@ from stc.cli.parameters import (
 from stc.errors import UsageError
 
 app = typer.Typer(
-    help="State a motion as constraints and an objective, solve it, and have MuJoCo judge it.",
-    epilog="Exit status: 0 optimal (or validated), 1 not, 2 a mistake in the input.",
+    help="Solve for an optimal motion, stated as constraints and an objective, and validate it in MuJoCo.",
+    epilog="Exit status: 0 if optimal (or validated), 1 if not, 2 for a mistake in the input.",
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
 
 
 def app_for(arguments: Sequence[str]) -> typer.Typer:
-    """The application with nothing but the command that is called, or with all of them where that is not clear.
+    """The application with only the command that is called, or with all commands if that is not clear.
 
     Setting up the parsers of all commands takes longer than reading and transcribing a small spec.
     """
@@ -186,11 +186,13 @@ def sweep(
     ] = None,
     output: Annotated[
         str | None,
-        typer.Option("-o", "--output", metavar="FOLDER", help="Where results are kept; default NAME_sweep."),
+        typer.Option(
+            "-o", "--output", metavar="FOLDER", help="The folder for the results; default NAME_sweep."
+        ),
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option("--workers", metavar="COUNT", help="Processes; default: one per processor."),
+        typer.Option("--workers", metavar="COUNT", help="Number of processes; default one per processor."),
     ] = None,
     solve_only: Annotated[
         bool, typer.Option("--solve-only", help="Do not replay the motions in MuJoCo.")
@@ -200,9 +202,31 @@ def sweep(
     tolerance: Tolerance = None,
     json: Json = False,
 ) -> int:
-    """Solve and judge a spec for all combinations of values; the same command goes on after an interruption."""
+    """Solve and validate a spec for all combinations of values. Repeat the command to continue a stopped sweep."""
     options = solve_options(None, method, max_iterations, None, tolerance)
     return sweeping.run(spec, settings, output, options, workers=workers, replay=not solve_only, as_json=json)
+
+
+@app.command()
+def dataset(
+    folder: Annotated[str, typer.Argument(metavar="FOLDER", help="The folder of a sweep.")],
+    output: Annotated[
+        str | None,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Where it goes; default FOLDER_dataset."),
+    ] = None,
+    time_step: Annotated[
+        float | None,
+        typer.Option(
+            "--time-step", metavar="SECONDS", help="Between instants, at most; default: the model's."
+        ),
+    ] = None,
+    unverified: Annotated[
+        bool, typer.Option("--unverified", help="Take motions, too, that no replay has passed.")
+    ] = False,
+    json: Json = False,
+) -> int:
+    """Write the motions of a sweep for learning: states, actions, contacts and verdicts, in Minari's layout."""
+    return sweeping.dataset(folder, output, time_step=time_step, unverified=unverified, as_json=json)
 
 
 @app.command()
@@ -216,7 +240,7 @@ def compare(
     tolerance: Tolerance = None,
     json: Json = False,
 ) -> int:
-    """Solve a spec with several optimizers and print what each of them finds, as soon as it has."""
+    """Solve a spec with several optimizers and print the result of each."""
     options = solve_options(settings, method, max_iterations, time_limit, tolerance)
     return jobs.compare(spec, optimizers, options, as_json=json)
 
@@ -244,37 +268,47 @@ def validate(
     order: Annotated[
         bool,
         typer.Option(
-            "--order", help="Solve with n, 2n and 4n frames and observe how fast the replay converges."
+            "--order", help="Solve with n, 2n and 4n frames and measure the replay's order of convergence."
         ),
     ] = False,
     robustness: Annotated[
         bool,
         typer.Option(
-            "--robustness", help="Replay it many times, masses, friction, start and time step perturbed."
+            "--robustness", help="Replay many times with perturbed masses, friction, start and time step."
         ),
     ] = False,
     samples: Annotated[
         int | None,
-        typer.Option("--samples", metavar="COUNT", help="Replays of each kind of --robustness; default 16."),
+        typer.Option(
+            "--samples", metavar="COUNT", help="Replays per perturbation of --robustness; default 16."
+        ),
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option("--seed", metavar="NUMBER", help="Of the random --robustness; default 0."),
+        typer.Option(
+            "--seed", metavar="NUMBER", help="Seed of the perturbations of --robustness; default 0."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", metavar="COUNT", help="Processes that share --robustness; default 1."),
     ] = None,
     json: Json = False,
 ) -> int:
-    """Validate a saved motion in MuJoCo, or solve a spec and validate that."""
+    """Validate a saved motion in MuJoCo; a spec is solved first."""
     options = solve_options(
         settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
     )
     page = None if report is None else writable_page(report)
     if robustness:
         if page is not None or equations or order:
-            raise UsageError("--robustness goes without --report, --equations and --order")
-        return perturbed.run(target, options, force=force, samples=samples, seed=seed, as_json=json)
-    for option, value in (("--samples", samples), ("--seed", seed)):
+            raise UsageError("--robustness cannot be combined with --report, --equations or --order")
+        return perturbed.run(
+            target, options, force=force, samples=samples, seed=seed, workers=workers, as_json=json
+        )
+    for option, value in (("--samples", samples), ("--seed", seed), ("--workers", workers)):
         if value is not None:
-            raise UsageError(f"{option} is for --robustness")
+            raise UsageError(f"{option} can only be used with --robustness")
     if page is None and (equations or order):
         return studies.run(target, options, equations=equations, order=order, as_json=json)
     return jobs.validate(target, options, force=force, page=page, order=order, table=table, as_json=json)
@@ -282,7 +316,7 @@ def validate(
 
 @app.command()
 def check(spec: Spec, settings: Set = None, method: Method = None, json: Json = False) -> int:
-    """Read a spec without solving it: mistakes, warnings, sizes."""
+    """Report mistakes, warnings and sizes of a spec without solving it."""
     options = solve_options(settings, method)
     return jobs.check(spec, options, as_json=json)
 
@@ -291,12 +325,13 @@ def check(spec: Spec, settings: Set = None, method: Method = None, json: Json = 
 def show(
     spec: Spec,
     stage: Annotated[
-        str, typer.Option("--stage", metavar="STAGE", help="What to print; `list` names them.")
+        str,
+        typer.Option("--stage", metavar="STAGE", help="The stage to print; --stage list prints their names."),
     ] = "problem",
     settings: Set = None,
     method: Method = None,
 ) -> int:
-    """Print what one stage makes of a spec (tokens, syntax, problem, machine code, ...), or what a model has."""
+    """Print a stage of a spec's processing (tokens, syntax, problem, machine code, ...), or a model's names."""
     options = solve_options(settings, method)
     return jobs.show(spec, stage, options)
 
@@ -310,7 +345,7 @@ def plot(
     force: Force = False,
     json: Json = False,
 ) -> int:
-    """Draw joints, torques and paths over time, solved against replayed, as .png, .svg or .pdf.
+    """Draw the solved and the replayed joints, torques and paths over time, as .png, .svg or .pdf.
 
     Without a model the variables are drawn.
     """
@@ -327,24 +362,32 @@ def render(
     show: Annotated[
         str,
         typer.Option(
-            "--show", metavar="MOTION", help="solved, replayed or tracked; the last two over the first."
+            "--show",
+            metavar="MOTION",
+            help="solved, replayed or tracked; the last two also show the solved motion.",
         ),
     ] = "solved",
     camera: Annotated[
-        str | None, typer.Option("--camera", metavar="NAME", help="One of the model's cameras, as it stands.")
+        str | None,
+        typer.Option("--camera", metavar="NAME", help="A camera of the model, which is not moved."),
     ] = None,
     size: Annotated[
-        str, typer.Option("--size", metavar="WIDTHxHEIGHT", help="Of an image or tile, in pixels.")
+        str, typer.Option("--size", metavar="WIDTHxHEIGHT", help="Size of an image or tile, in pixels.")
     ] = "640x480",
-    tiles: Annotated[int, typer.Option("--tiles", metavar="COUNT", help="Images of a filmstrip.")] = 6,
-    rate: Annotated[int, typer.Option("--rate", metavar="COUNT", help="Images of a video per second.")] = 30,
+    tiles: Annotated[
+        int, typer.Option("--tiles", metavar="COUNT", help="Number of images in a filmstrip.")
+    ] = 6,
+    rate: Annotated[int, typer.Option("--rate", metavar="COUNT", help="Images per second of a video.")] = 30,
     speed: Annotated[
-        float | None, typer.Option("--speed", metavar="SHARE", help="Of real time; 0.1 is slow motion.")
+        float | None,
+        typer.Option(
+            "--speed", metavar="SHARE", help="Speed of a video as a share of real time, such as 0.1."
+        ),
     ] = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
-    """Render the motion, no screen needed: a filmstrip (.png, .jpg) or a video (.webp, .gif, .mp4)."""
+    """Render the motion as a filmstrip (.png, .jpg) or a video (.webp, .gif, .mp4); no screen is needed."""
     options = solve_options(settings, method)
     look = pictures.look(size, camera, rate, speed, tiles)
     return pictures.render(target, output, look, show, options, force=force, as_json=json)
@@ -353,11 +396,11 @@ def render(
 @app.command()
 def export(
     target: SpecOrSolution,
-    kind: Annotated[str, typer.Option("--format", metavar="FORMAT", help=exports.HELP)],
+    kind: Annotated[str | None, typer.Option("--format", metavar="FORMAT", help=exports.HELP)] = None,
     output: Annotated[
         str | None,
         typer.Option(
-            "-o", "--output", metavar="FILE", help="Where it goes; by default named after the spec."
+            "-o", "--output", metavar="FILE", help="The file to write; by default named after the spec."
         ),
     ] = None,
     rate: Annotated[
@@ -365,7 +408,7 @@ def export(
         typer.Option(
             "--rate",
             metavar="HZ",
-            help="Instants per second of tables (default: frames) and glTF (60, frames if more).",
+            help="Instants per second of tables and ros (default: frames), glTF and USD (60).",
         ),
     ] = None,
     time_step: Annotated[
@@ -373,7 +416,7 @@ def export(
         typer.Option(
             "--time-step",
             metavar="SECONDS",
-            help="Longest step of keyframes and controls; default: the model's.",
+            help="Longest step of keyframes and controls; default the model's.",
         ),
     ] = None,
     settings: Set = None,
@@ -381,7 +424,7 @@ def export(
     force: Force = False,
     json: Json = False,
 ) -> int:
-    """Write a motion for other programs: tables, MuJoCo keyframes and controls with gains, glTF."""
+    """Write a motion for other programs: tables, MuJoCo keyframes and controls with gains, glTF, USD, ROS."""
     options = solve_options(settings, method)
     return exports.export(
         target, kind, output, options, rate=rate, time_step=time_step, force=force, as_json=json
@@ -389,9 +432,39 @@ def export(
 
 
 @app.command()
+def steer(
+    spec: Spec,
+    port: Annotated[
+        int | None,
+        typer.Option("--port", metavar="NUMBER", help="Of the page; default: a free one from 8090."),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Where the steered text is written; default: the spec itself, of a bundled one NAME.stc here.",
+        ),
+    ] = None,
+    native: Annotated[
+        bool, typer.Option("--native", help="In a window of MuJoCo's viewer, not in a browser.")
+    ] = False,
+    settings: Set = None,
+    method: Method = None,
+    time_limit: TimeLimit = None,
+) -> int:
+    """Steer a motion by hand in a browser: drag what the spec states, and write it back into its text."""
+    options = solve_options(settings, method, time_limit=time_limit)
+    return steering.steer(spec, options, port, output, native=native)
+
+
+@app.command()
 def view(
     target: SpecOrSolution,
-    web: Annotated[bool, typer.Option("--web", help="Show it in a browser, no screen needed here.")] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="Show the motion in a browser; no screen is needed.")
+    ] = False,
     host: Annotated[
         str | None,
         typer.Option("--host", metavar="ADDRESS", help="Serve --web on this address, not 127.0.0.1."),
@@ -400,12 +473,14 @@ def view(
         int | None, typer.Option("--port", metavar="NUMBER", help="Serve --web on this port; default 8080.")
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Watch the solve; stopping it keeps its best.")
+        bool, typer.Option("--live", help="Show every iterate of the solve; stopping it saves the best one.")
     ] = False,
     tracked: Annotated[
-        bool, typer.Option("--tracked", help="Begin with the tracked replay, not the open loop.")
+        bool, typer.Option("--tracked", help="Begin with the tracked replay instead of the open-loop one.")
     ] = False,
-    speed: Annotated[float, typer.Option("--speed", metavar="SHARE", help="Of real time.")] = 1.0,
+    speed: Annotated[
+        float, typer.Option("--speed", metavar="SHARE", help="Speed as a share of real time.")
+    ] = 1.0,
     settings: Set = None,
     method: Method = None,
     max_iterations: MaxIterations = None,
@@ -415,7 +490,7 @@ def view(
     warm_start: WarmStart = None,
     output: Output = None,
 ) -> int:
-    """Show a motion in MuJoCo's viewer, and turn its constants while it runs."""
+    """Show a motion in MuJoCo's viewer, and change its constants while it runs."""
     options = solve_options(
         settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
     )
@@ -439,16 +514,48 @@ def schedule(
     force: Force = False,
     json: Json = False,
 ) -> int:
-    """Write the contacts that were found under `free:` as ranges of frames, to be solved to full order."""
+    """Write the contacts that a `free:` solve found as a spec with ranges of frames, for an exact solve."""
     return exports.schedule(target, output, solve_options(settings), force=force, as_json=json)
+
+
+@app.command("language-server")
+def language_server(
+    stdio: Annotated[
+        bool, typer.Option("--stdio", help="Over standard input and output, as it always is.")
+    ] = True,
+) -> int:
+    """Tell an editor what the text of a spec says: mistakes, meanings, completions (docs/editor.md)."""
+    return editor.serve()
+
+
+@app.command("explain-motion")
+def explain_motion(
+    motion: Annotated[str, typer.Argument(metavar="MOTION", help="A recorded motion, .csv or .npz.")],
+    model: Annotated[str, typer.Option("--model", metavar="FILE", help="The MuJoCo model that moves.")],
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="The spec to write; default MOTION_explained.stc."
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Propose a short spec whose solution is close to a recorded motion: contacts, ends, and what it wants least of."""
+    return explaining.run(motion, model, output, as_json=json)
 
 
 @app.command()
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the spec; NAME.stc is written.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of the spec; the command writes NAME.stc.")
+    ],
     model: Annotated[
-        str | None, typer.Option("--model", metavar="FILE", help="A MuJoCo model that the spec is to move.")
+        str | None, typer.Option("--model", metavar="FILE", help="A MuJoCo model for the spec.")
+    ] = None,
+    copied: Annotated[
+        str | None,
+        typer.Option("--from", metavar="SPEC", help="Copy this bundled spec, to change the copy."),
     ] = None,
 ) -> int:
-    """Write a commented starter spec that solves and validates."""
-    return jobs.new(name, model)
+    """Write a commented starter spec that solves and validates, or a copy of a bundled one."""
+    return jobs.new(name, model, copied)

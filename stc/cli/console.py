@@ -1,4 +1,4 @@
-"""Results as people read them: tables on standard output, warnings and notes on standard error."""
+"""Output for people: tables on standard output, warnings and notes on standard error."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def show_solution(
     uncertainty: Uncertainty | None = None,
     grid: GridError | None = None,
 ) -> None:
-    """The outcome of a solve; ``file`` is where it is saved, or was read from, None when it is nowhere."""
+    """Print the result of a solve; ``file`` is the path of the solution file; None without a file."""
     good = solution.status == "optimal"
     status = f"[green]{solution.status}[/green]" if good else f"[bold red]{solution.status}[/bold red]"
     rows = [
@@ -84,7 +84,7 @@ def show_solution(
 
 
 def _turns(solution: Solution) -> Sequence[Turn]:
-    """How far bodies turn, where the motion has any that can."""
+    """The number of turns of each body that can turn."""
     if not any(name.endswith(".qw") for name in solution.variables):
         return []
     from stc.turns import turns
@@ -93,11 +93,11 @@ def _turns(solution: Solution) -> Sequence[Turn]:
 
 
 class Comparison:
-    """The table of several optimizers on one spec: a line as each is done, then why those failed that found no optimum.
+    """The table of several optimizers for one spec: a row as each is done, then the reasons of those that failed.
 
     Args:
-        name: of the spec.
-        optimizers: all that are to be run.
+        name: name of the spec.
+        optimizers: names of the optimizers.
     """
 
     _HEADER = (
@@ -112,7 +112,7 @@ class Comparison:
         self._reasons: list[str] = []
 
     def add(self, run: Run) -> None:
-        """What one optimizer found."""
+        """Print the result of one optimizer."""
         if self._title:
             _print(self._title, "bold", markup=False)
             self._title = ""
@@ -129,13 +129,13 @@ class Comparison:
             self._reasons.append(f"{run.optimizer}: {run.message}")
 
     def end(self) -> None:
-        """The reasons of those that found no optimum."""
+        """Print the reasons of the optimizers that found no optimum."""
         for reason in self._reasons:
             print(reason)
 
 
 def times(solution: Solution) -> str:
-    """The seconds of a solve, in all and by stage."""
+    """The time of a solve in seconds, in total and by stage."""
     seconds = {stage: value for stage, value in solution.seconds.items() if stage != "processor"}
     total = seconds.pop("total", sum(seconds.values()))
     stages = ", ".join(f"{stage} {value:.3f}" for stage, value in seconds.items())
@@ -143,7 +143,7 @@ def times(solution: Solution) -> str:
 
 
 def show_profile(parts: Sequence[Part]) -> None:
-    """Where the time of a solve went, and how far each part is from its floor."""
+    """Print the time of each part of a solve, and the least time that it could take."""
     total = sum(part.seconds for part in parts)
     rows = []
     for part in parts:
@@ -158,7 +158,7 @@ def show_profile(parts: Sequence[Part]) -> None:
 
 
 def show_certificate(certificate: Certificate, table: bool) -> None:
-    """What the validation found, below the solution: its summary, or the ``table`` of every measurement."""
+    """Print the result of a validation: its summary, or the ``table`` of every measurement."""
     from rich.console import Group
 
     print()
@@ -167,7 +167,7 @@ def show_certificate(certificate: Certificate, table: bool) -> None:
 
 
 def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str] = ()) -> None:
-    """A title and an unframed table on standard output; cells may carry rich's markup."""
+    """Print a title and an unframed table on standard output; cells may contain rich's markup."""
     if title:
         _print(title, "bold", markup=False)
     lines = [header, *rows] if header else rows
@@ -180,7 +180,7 @@ def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str]
 
 
 class Rows:
-    """A table whose rows are printed as they are known; where a terminal is too narrow for it each is a sentence.
+    """A table whose rows are printed as soon as they are known; on a narrow terminal each row is a sentence.
 
     Args:
         header: names of the columns; without one the first column names the others.
@@ -192,7 +192,7 @@ class Rows:
         self._begun = not header
 
     def row(self, *cells: str) -> None:
-        """One more row, below the heading; cells may carry rich's markup."""
+        """Print one more row; cells may contain rich's markup."""
         if not sys.stdout.isatty():
             # Without colours for files and pipes, and without importing rich, which takes 16 ms.
             for line in self._lines([_unmarked(cell) for cell in cells]):
@@ -219,7 +219,7 @@ class Rows:
         yield cells
 
     def _grid(self, cells: Sequence[str], width: int, gap: int, heading: bool) -> Any:
-        """One line of the table, for a terminal of so many characters: what is too long is folded."""
+        """One line of the table; long text is folded to the width of the terminal."""
         from rich.table import Table
 
         grid = Table.grid(padding=(0, gap, 0, 0))
@@ -235,7 +235,7 @@ class Rows:
 
 
 def _print(what: Any, style: str | None = None, markup: bool = True) -> None:
-    """A line on standard output, in colours where that is a terminal."""
+    """Print a line on standard output, in colour on a terminal."""
     if not sys.stdout.isatty():
         print(what)
         return
@@ -245,8 +245,8 @@ def _print(what: Any, style: str | None = None, markup: bool = True) -> None:
 def rich_console(**settings: Any) -> Console:
     """Rich's console on standard output, or with ``stderr=True`` on standard error.
 
-    It writes past the filter of these streams, since colours are controls of the terminal as well; the text that it
-    is given goes through the same filter before it is coloured.
+    It bypasses the filter of these streams, since colours are terminal controls too; its text passes the same filter
+    before it is coloured.
     """
     from rich.console import Console, RenderHook
     from rich.segment import Segment
@@ -270,17 +270,17 @@ def rich_console(**settings: Any) -> Console:
 
 
 def _shown_width(cell: str) -> int:
-    """Characters of a cell as it is shown."""
+    """The displayed width of a cell in characters."""
     return len(_unmarked(cell))
 
 
 def _unmarked(text: str) -> str:
-    """What rich shows of a text, without colours."""
+    """The text that rich displays, without colours."""
     return _TAG.sub(lambda tag: tag[1][: len(tag[1]) // 2] + tag[2] * (len(tag[1]) % 2), text)
 
 
 def escape(text: str) -> str:
-    """Text that is to be shown as it is, whatever looks like markup in it."""
+    """Text with rich's markup escaped."""
     return _TAG.sub(lambda tag: f"{tag[1]}{tag[1]}\\{tag[2]}", text)
 
 
@@ -295,7 +295,7 @@ def warn(diagnostics: Iterable[Diagnostic]) -> None:
 
 @contextmanager
 def warnings_as_notes() -> Iterator[None]:
-    """Inside, warnings of the solver appear as notes, at once and each time."""
+    """A context in which warnings of the solver are printed as notes, at once and each time."""
 
     def show(message: Warning | str, *_: object, **__: object) -> None:
         note(str(message))
@@ -309,5 +309,5 @@ def warnings_as_notes() -> Iterator[None]:
 
 
 def note(text: str) -> None:
-    """A remark on standard error."""
+    """Print a note on standard error."""
     print(f"note: {text}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""What ``stc export`` does."""
+"""The commands ``stc export`` and ``stc schedule``."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from stc.cli.statuses import GOOD
 from stc.errors import UsageError
 
 #: Help for the option that names the format.
-HELP = "npz, csv, keyframes, controls or gltf."
+HELP = "csv, npz, keyframes, controls, gltf, usd, joints or ros; by default what the suffix of -o says."
 
 
 def export(
     target: str,
-    kind: str,
+    kind: str | None,
     output: str | None,
     options: SolveOptions,
     *,
@@ -26,9 +26,15 @@ def export(
 ) -> int:
     """Write a motion in another format."""
     from stc.solution import Solution
-    from stc.validate.export import TABLES, check_format
+    from stc.validate.export import FORMATS, TABLES, check_format, format_of
     from stc.validate.export import export as write
 
+    if kind is None and output is None:
+        formats = ", ".join(FORMATS)
+        raise UsageError(
+            "--format, or -o FILE by its suffix, says what to write", f"the formats are {formats}"
+        )
+    kind = kind or format_of(output or "")
     check_format(kind, rate, time_step)
     if output is not None:
         ready_to_write(Path(output))
@@ -36,7 +42,7 @@ def export(
         target,
         options,
         as_json,
-        "" if kind in TABLES else f"there are no bodies and joints for {kind} to be about",
+        "" if kind in TABLES else f"{kind} needs the bodies and joints of a model",
         "--format csv and npz write the variables over time",
     )
     jobs.require_optimal(outcome.solution, "exported", force)

@@ -1,9 +1,9 @@
-"""Ends this process in time, wherever its main thread is: at the time limit, and when signals say so.
+"""End this process in time, whatever its main thread is doing: at the time limit, and on signals.
 
-Solves look at the clock and at requests to stop by themselves (:mod:`stc.deadline`).  Where the main thread does not
-come to look, in machine code that runs long or in a step that nobody divides, a second thread ends the command in its
-place: it hands over what there is, by what :func:`on_end` was told, and leaves the process.  Signals reach that thread
-at once, through the descriptor that Python's own handlers write to.  A second one ends the process, nothing saved.
+Solves check the time and requests to stop (:mod:`stc.deadline`).  If the main thread does not check, in long-running
+machine code or an indivisible step, a second thread ends the command in its place: it hands over the result so far, as
+registered with :func:`on_end`, and ends the process.  Signals reach that thread at once, through the descriptor that
+Python's own handlers write to.  A second signal ends the process without saving.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ End = Callable[[str], int]
 
 
 class _State:
-    """How and when the command ends, known to the main thread and to the one that guards its limits."""
+    """The command's deadline and state; shared by the main thread and the guarding thread."""
 
     end = math.inf  # when this thread begins to end the command, on the clock of `time.perf_counter`
     latest = math.inf  # when it has to have begun to write what there is
@@ -66,11 +66,11 @@ PERIOD = 0.1
 
 
 def start(on_end: End, say_ended: Callable[[str], None]) -> None:
-    """Guard this process from now on; to be called once, by the main thread.
+    """Guard this process from now on; called once, by the main thread.
 
     Args:
-        on_end: what ends a command that says nothing else.
-        say_ended: says why a command ended that has nothing to hand over: ``time_limit`` or ``interrupted``.
+        on_end: default function that ends a command.
+        say_ended: function that prints why a command ended without a result: ``time_limit`` or ``interrupted``.
     """
     if not hasattr(signal, "set_wakeup_fd") or os.name != "posix":
         return
@@ -82,7 +82,7 @@ def start(on_end: End, say_ended: Callable[[str], None]) -> None:
 
 
 def limit(seconds: float, began: float) -> None:
-    """Let the command end so many seconds after ``began``, on the clock of ``time.perf_counter``."""
+    """Set the time limit of the command, in seconds after ``began`` on the clock of ``time.perf_counter``."""
     allowed = max(LATEST, LATEST_SHARE * seconds)
     deadline.begin(began + seconds)
     _State.end = began + seconds + OWN_SHARE * allowed
@@ -92,7 +92,7 @@ def limit(seconds: float, began: float) -> None:
 
 @contextmanager
 def on_end(end: End) -> Iterator[None]:
-    """Inside, a command that does not end by itself is ended by this."""
+    """A context in which this function ends a command that does not end by itself."""
     before, _State.on_end = _State.on_end, end
     try:
         yield
@@ -102,21 +102,21 @@ def on_end(end: End) -> Iterator[None]:
 
 @contextmanager
 def claimed() -> Iterator[None]:
-    """Inside, the main thread saves or shows what it has found, and is not ended.
+    """A context in which the main thread saves or shows its result and is not ended.
 
-    Where the command is being ended already this does not return.
+    If the command is already being ended, this does not return.
     """
     with _ending:
         yield
 
 
 def settle() -> None:
-    """Leave the last word to the calling thread: as :func:`claimed`, for good."""
+    """Leave the end of the process to the calling thread: as :func:`claimed`, permanently."""
     _ending.acquire()
 
 
 def _saving() -> float:
-    """Seconds that it takes to save what the solve under way has come to."""
+    """The estimated time in seconds to save the result of the current solve."""
     solves = sys.modules.get("stc.unfinished")
     under_way = getattr(solves, "current", None)  # it may be half imported
     return 0.0 if under_way is None else SAVING * float(under_way.transcription.program.size)
@@ -129,7 +129,7 @@ def _wake() -> None:
 
 
 def _watch(read: int) -> None:
-    """End the command when its time is over or a second signal comes: the body of the guarding thread."""
+    """The guarding thread: end the command when its time is over or a second signal arrives."""
     import select
 
     signals = 0
@@ -153,7 +153,7 @@ def _watch(read: int) -> None:
 
 
 def _finish() -> None:
-    """End the command with what there is."""
+    """End the command with the result so far."""
     codes: list[int] = []
     begun, done = threading.Event(), threading.Event()
 
@@ -183,7 +183,7 @@ def _finish() -> None:
 
 
 def _leave_at_once(number: int) -> None:
-    """End the process for a second signal; if there is time for it, say so."""
+    """End the process after a second signal, with a message if there is time."""
     said = _thread.allocate_lock()
     said.acquire()
 

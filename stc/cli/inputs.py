@@ -1,4 +1,4 @@
-"""What users name on the command line: specs, and numbers as the spec language writes them."""
+"""Inputs on the command line: specs, and numbers in the notation of the spec language."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def load(spec: str, constants: Mapping[str, float]) -> Model:
-    """The model of a path or bundled name with the constants that the user gave."""
+    """The model of a path or bundled name, with the constants of the user."""
     from stc.bundled import find_spec
     from stc.pipeline import Model, read_source
 
@@ -26,7 +26,7 @@ def number(text: str, where: str) -> float:
     """The value of an expression of numbers in the spec language: ``1/30``, ``2*pi``, ``-inf``.
 
     Raises:
-        UsageError: it is no such expression, or has no value; ``where`` is named in the message.
+        UsageError: it is not such an expression, or has no value; ``where`` is named in the message.
     """
     from stc.errors import Source, SpecError
     from stc.language.numbers import NotANumber, affine
@@ -37,7 +37,9 @@ def number(text: str, where: str) -> float:
     def resolve(name: Name) -> tuple[float, float]:
         if name.name not in known:
             raise NotANumber(
-                name, f"`{name.name}` is no number", "only numbers, `pi`, `inf` and functions go here"
+                name,
+                f"`{name.name}` is not a number",
+                "only numbers, `pi`, `inf` and functions are allowed here",
             )
         return 0.0, known[name.name]
 

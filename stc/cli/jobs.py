@@ -1,4 +1,4 @@
-"""What the commands do: each function carries out one and returns the exit status.
+"""The actions of the commands: each function carries out one command and returns the exit status.
 
 Mistakes in the input are raised and turned into a message in :mod:`stc.cli`.
 """
@@ -49,7 +49,7 @@ def solve(spec: str, options: SolveOptions, *, as_json: bool) -> int:
 def run(
     spec: str, options: SolveOptions, *, force: bool, page: Path | None, table: bool, as_json: bool
 ) -> int:
-    """Solve, save, validate; ``page`` is where the certificate goes, and ``table`` asks for every measurement."""
+    """Solve, save, validate; ``page`` is the file of the certificate, and ``table`` prints every measurement."""
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(spec, options.constants)
@@ -65,9 +65,9 @@ def run(
 
 
 def compare(spec: str, optimizers: str | None, options: SolveOptions, *, as_json: bool) -> int:
-    """Solve with several optimizers; good when any of them found an optimum.
+    """Solve with several optimizers; the exit status is good if any of them found an optimum.
 
-    Without a list of them the usual ones are taken, and on large problems those left out that are slow there.
+    Without a list the default optimizers are used; on large problems, without those that are slow there.
     """
     from stc.studies.compare import compare as run_all
 
@@ -133,12 +133,12 @@ def validate(
     table: bool,
     as_json: bool,
 ) -> int:
-    """Validate a saved solution, or what solving a spec gives; that is saved only if a file is named.
+    """Validate a saved solution, or the solution of a spec, which is saved only if a file is named.
 
-    With ``order`` the observed order of convergence is one of the measurements; ``table`` asks to print every one.
+    With ``order`` the observed order of convergence is one of the measurements; ``table`` prints every measurement.
     """
     if page is not None:
-        spare(page, [(target, "what is to be validated")], "--report")
+        spare(page, [(target, "the solution to validate")], "--report")
     outcome, motion = solved(target, options, as_json)
     further: Sequence[Metric] = ()
     if order:
@@ -156,17 +156,17 @@ def solved(
     needs_model: str = "MuJoCo cannot replay it",
     without: str = "`stc solve` solves it without validation",
 ) -> tuple[Outcome, Solution | Path]:
-    """A saved solution, or what solving a spec gives, and what is to be handed on for its validation.
+    """A saved solution, or the solution of a spec, and the object to validate.
 
     Args:
-        target: what the command line names.
-        options: of a solve, where a spec is named.
-        as_json: whether nothing is to be told on the way.
-        needs_model: what cannot be done without a model; "" where none is needed.
-        without: what can be done in its place.
+        target: the argument of the command line.
+        options: options of the solve, if the target is a spec.
+        as_json: whether to print no progress.
+        needs_model: what cannot be done without a model; "" if no model is needed.
+        without: what can be done instead.
 
     Raises:
-        UsageError: options of a solve for what is solved already, or a motion that names no model.
+        UsageError: options of a solve for a saved solution, or a motion that names no model.
         SpecError: a spec whose replay lines do not fit its model.
     """
     if is_solution(target):
@@ -196,24 +196,23 @@ def to_show(
 ) -> tuple[Outcome, Solution | Path]:
     """As :func:`solved`, for commands that show or pass on a motion without judging it.
 
-    ``needs`` are its last two arguments. Where the spec has changed since, the motion is still the one that was asked
-    for: a note says so, once.
+    ``needs`` are the last two arguments of :func:`solved`.  If the spec has changed since the solve, a note says so.
     """
     outcome, motion = solved(target, options, as_json, *needs)
     if outcome.file is not None and outcome.file is motion:
         from stc.validate.certificate.staleness import stale
 
         for line in stale(outcome.solution):
-            console.note(f"{line}; this is the motion as it was")
+            console.note(f"{line}; the saved motion is shown")
     return outcome, motion
 
 
 def require_optimal(solution: Solution, done: str, force: bool) -> None:
-    """Refuse to show or pass on what is no solution, unless that is asked for.
+    """Refuse to show or pass on a motion whose solve did not end optimal, unless ``force`` is given.
 
     Args:
-        solution: what a solve gave.
-        done: what would be done with it, such as ``drawn``.
+        solution: the result of a solve.
+        done: the action as a participle, such as ``drawn``.
         force: whether ``--force`` was given.
 
     Raises:
@@ -222,12 +221,12 @@ def require_optimal(solution: Solution, done: str, force: bool) -> None:
     if solution.status != "optimal" and not force:
         raise UsageError(
             f"the motion of {solution.name} is not {done}: its solve ended {solution.status}, not optimal",
-            f"solving the spec again with `stc solve` tells why; with --force the motion is {done} all the same",
+            f"solve the spec again with `stc solve` to see why, or use --force to have the motion {done} nevertheless",
         )
 
 
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
-    """Read a spec as far as its nonlinear program, and tell its sizes; good when nothing in it is known to fail."""
+    """Build the nonlinear program of a spec and print its sizes; the exit status is good if no failure is certain."""
     from stc.language.show_data import described
     from stc.solving import contradictions_of
     from stc.studies.replay_lines import check_replay_lines
@@ -274,7 +273,7 @@ def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
 
 
 def show(spec: str, stage: str, options: SolveOptions) -> int:
-    """Print one stage of the walk from text to solution."""
+    """Print one stage of the processing from text to solution."""
     from stc.cli import model_files, stages
 
     if model_files.is_model(spec):
@@ -290,7 +289,7 @@ def show(spec: str, stage: str, options: SolveOptions) -> int:
 
 
 def list_specs(*, as_json: bool) -> int:
-    """Name the bundled specs."""
+    """Print the names of the bundled specs."""
     from stc import specs
 
     found = [(name, specs.title(name)) for name in specs.names()]
@@ -301,22 +300,27 @@ def list_specs(*, as_json: bool) -> int:
     return GOOD
 
 
-def new(name: str, model: str | None) -> int:
-    """Write a starter spec, of a model if one is named, under a name that is still free."""
+def new(name: str, model: str | None, copied: str | None = None) -> int:
+    """Write a starter spec or a copy of a bundled one, under a name that does not exist."""
     import shlex
 
     from stc import specs
     from stc.cli.starter import write
 
-    path = write(name, model)
+    path = write(name, model, copied)
     print(f"{path} written; next: stc run {shlex.quote(str(path))}")
     if path.parent == Path() and path.stem in specs.names():
         console.note(f"{path.stem} is a bundled spec too: in this folder that name means {path} from now on")
+        if copied is None:
+            console.note(
+                f"{path} is a starter spec and no copy of the bundled one, "
+                f"which `stc new mine --from {path.stem}` copies"
+            )
     return GOOD
 
 
 def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> Outcome:
-    """Solve with the live line, and save whatever comes out."""
+    """Solve with a progress line, and save the result."""
     file = options.output
     if save and file is None:
         file = writable_solution(f"{model.name}.npz")
@@ -385,7 +389,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
 
 
 def _stated_warnings(model: Model, options: SolveOptions) -> Sequence[Diagnostic]:
-    """The warnings about a spec as it was to be solved, whatever numbers of frames a search has come to."""
+    """The warnings about the spec as given, not about the frame counts of a search."""
     search = options.search
     if search.walk is None and search.refine is None and search.until is None:
         return model.warnings
@@ -406,10 +410,10 @@ def _judged(
     """Replay a motion and show its certificate: the verdict in a few lines, or the whole ``table``."""
     status = outcome.solution.status  # what a search found before it was stopped is judged as well
     if status != "optimal" and not force:
-        reason = f"the solve ended {status}, not optimal; --force replays it all the same"
+        reason = f"the solve ended {status}, not optimal; --force replays it nevertheless"
         return _not_validated(outcome, reason, page, as_json)
     if outcome.solution.is_sketch:
-        reason = "MuJoCo is asked for more than time steps can keep"
+        reason = "a motion from time stepping is too coarse for a replay"
         return _not_validated(outcome, reason, page, as_json)
     from stc.certification import certify
 
@@ -432,7 +436,7 @@ def _judged(
         # What was found is shown before anything else can go wrong.
         console.show_certificate(certificate, table)
         if certificate.passed and not outcome.good:
-            console.note("the motion passed, but the search did not get as far as it was asked to")
+            console.note("the motion passed, but the search did not reach its goal")
     unwritten = "" if page is None else _written(certificate, page)
     if as_json:
         known = outcome.record()
@@ -448,7 +452,7 @@ def _judged(
 
 
 def _written(certificate: Certificate, page: Path) -> str:
-    """Write a certificate's page; why that cannot be, or nothing: what was found is told of all the same."""
+    """Write a certificate's page; returns why that failed, or ""."""
     try:
         certificate.write(page)
     except OSError as error:
@@ -461,9 +465,9 @@ def _written(certificate: Certificate, page: Path) -> str:
 def _not_validated(
     outcome: Outcome, reason: str, page: Path | None, as_json: bool, status: str = "", shown: bool = False
 ) -> int:
-    """Show a solution that is not replayed, and why; ``page`` is where its certificate would have gone.
+    """Show a solution that is not replayed, and why; ``page`` is the file that its certificate would have had.
 
-    The ``status`` is that of the solve unless another one is given; it may have been ``shown`` already.
+    The ``status`` is that of the solve unless another one is given; the solution may have been ``shown`` already.
     """
     if page is not None:
         reason = f"{reason}; {page} is not written"
@@ -478,7 +482,7 @@ def _not_validated(
 
 
 #: How a motion gets a model.
-_HOW = "docs/own_model.md tells how to write a model and tie a spec to it"
+_HOW = "docs/own_model.md describes how to write a model and connect a spec to it"
 
 
 def _no_replay(name: str, reason: str = "MuJoCo cannot replay it") -> str:

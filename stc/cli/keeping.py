@@ -1,4 +1,4 @@
-"""What is there is not lost: an earlier solution where a solve does not end well, and what a command reads."""
+"""Protection of existing files: of earlier solutions if a solve fails, and of the files that a command reads."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["inputs_of", "keep_inputs", "keep_optimal"]
 
 
 def inputs_of(model: Model) -> list[tuple[str | Path, str]]:
-    """The files that a spec is read from, each with what it is: its own, and those of its data."""
+    """The files that a spec is read from, each with a description: its own, and those of its data."""
     from stc.language.syntax import DataFile
 
     path = model.source.path
@@ -28,12 +28,12 @@ def inputs_of(model: Model) -> list[tuple[str | Path, str]]:
 
 
 def keep_inputs(file: Path, model: Model, guess: Path | None = None) -> None:
-    """Refuse to save over what a solve reads, before it begins.
+    """Refuse to overwrite an input of a solve, before it begins.
 
     A saved solution may be replaced by the one that started from it, as ``--warm-start`` does.
 
     Args:
-        file: where the solution is to go.
+        file: file for the solution.
         model: the spec.
         guess: table of starting values.
 
@@ -48,7 +48,7 @@ def keep_inputs(file: Path, model: Model, guess: Path | None = None) -> None:
 
 
 def _is_saved(file: Path) -> bool:
-    """Whether a file holds a solution that can be read."""
+    """Whether a file contains a readable solution."""
     from stc.solution import read
 
     try:
@@ -59,14 +59,15 @@ def _is_saved(file: Path) -> bool:
 
 
 def keep_optimal(file: Path, status: str) -> Path | None:
-    """Move an optimal solution out of the way of one that is not: ``hop.npz`` becomes ``hop.optimal.npz``, and says so.
+    """Rename an optimal solution that would be replaced by one that is not: ``hop.npz`` becomes ``hop.optimal.npz``,
+    with a note.
 
     Args:
-        file: where a solution is about to be saved.
-        status: that one's.
+        file: file for the new solution.
+        status: status of the new solution.
 
     Returns:
-        Where the optimal one is now; None where there was none, or the new one is optimal as well.
+        The new path of the optimal solution; None if there was none, or the new one is optimal as well.
     """
     if status == "optimal" or not file.is_file():
         return None
@@ -80,5 +81,7 @@ def keep_optimal(file: Path, status: str) -> Path | None:
         return None
     kept = file.with_name(f"{file.stem}.optimal{file.suffix}")
     file.replace(kept)
-    console.note(f"{file} held an optimal solution, which this one is not: it is kept as {kept}")
+    console.note(
+        f"{file} held an optimal solution, and the new one is not optimal; the old file is kept as {kept}"
+    )
     return kept

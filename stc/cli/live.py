@@ -1,8 +1,8 @@
-"""The line that shows a solve or a validation as it goes, and Ctrl-C as a request to stop with what there is.
+"""The progress line of a solve or a validation, and Ctrl-C as a request to stop with the result so far.
 
-The line appears on a terminal only, and only when something takes long enough to be looked at.  During a solve the
-first Ctrl-C lets the solver finish its iteration and hand over its best iterate; a second one ends the program.  The
-same goes for the signals by which systems end programs, where there is something to save.
+The line appears only on a terminal, and only if the work takes a while.  During a solve the first Ctrl-C lets the
+solver finish its iteration and return its best iterate; a second one ends the program.  The same applies to the
+signals by which systems end programs, if there is something to save.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ENDINGS = ("SIGTERM", "SIGHUP")
 
 
 class Line:
-    """One line on a terminal's standard error that changes and goes away; nothing where that is no terminal."""
+    """One line on a terminal's standard error that is updated and removed; nothing without a terminal."""
 
     def __init__(self) -> None:
         self.visible = sys.stderr.isatty()
@@ -40,11 +40,11 @@ class Line:
 
     @property
     def due(self) -> bool:
-        """Whether it is time for another text."""
+        """Whether the display is due for an update."""
         return self.visible and time.monotonic() >= self._next_update
 
     def show(self, text: str) -> None:
-        """Put a text in place of the last one."""
+        """Replace the text of the line."""
         if not self.visible:
             return
         if self._live is None:
@@ -58,7 +58,7 @@ class Line:
         self._next_update = time.monotonic() + PERIOD
 
     def close(self) -> None:
-        """Take the line away."""
+        """Remove the line."""
         if self._live is not None:
             self._live.stop()
             self._live = None
@@ -66,7 +66,7 @@ class Line:
 
 @contextmanager
 def validating(title: str) -> Iterator[None]:
-    """A context around a validation, whose loops tell how far they have got."""
+    """A context around a validation that shows its progress."""
     from stc.validate.progress import listening
 
     line = Line()
@@ -86,11 +86,11 @@ def validating(title: str) -> Iterator[None]:
 
 
 class Watch:
-    """A context around a solve; itself the solver's callback.
+    """A context around a solve, and the solver's callback.
 
     Args:
-        title: what is being solved, shown at the start of the line.
-        saves: whether what it comes to is saved: then a signal to end is a request to stop as well.
+        title: name of the solve, shown at the start of the line.
+        saves: whether the result is saved; if so, a signal to end is a request to stop as well.
     """
 
     def __init__(self, title: str, saves: bool = False) -> None:
@@ -122,12 +122,12 @@ class Watch:
         self._line.close()
 
     def announce(self, title: str) -> None:
-        """Solve something else from here on, and show that it has begun."""
+        """Change the title for another solve, and show it."""
         self.title = title
         self._line.show(f"{title}  ...")
 
     def clear(self) -> None:
-        """Take the line away for something else to be printed; the next text brings it back."""
+        """Remove the line for other output; the next text brings it back."""
         self._line.close()
 
     def __call__(self, iterate: IterationRecord) -> bool:

@@ -1,4 +1,4 @@
-"""One command line of a process: begin it, carry it out, turn what goes wrong into a message, and end it."""
+"""The command line of a process: start, run the command, turn errors into messages, and end."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def main() -> NoReturn:
 
 
 def _obey_limit(arguments: Sequence[str]) -> None:
-    """Let a command with ``--time-limit`` end so long after its beginning: imports and its own options come later.
+    """Start the limit of a command with ``--time-limit`` before imports and other options are read.
 
-    What is no limit is refused when the options are read.
+    An invalid limit is refused when the options are read.
     """
     if arguments[:1] == ["view"]:  # whose limit is for each of its solves
         return
@@ -71,9 +71,10 @@ def _obey_limit(arguments: Sequence[str]) -> None:
 
 
 def _stand_in_for_closed_streams() -> None:
-    """Give what was closed before the start (``stc solve hop >&-``) a stream that nobody reads.
+    """Replace standard streams that were closed before the start (``stc solve hop >&-``) by streams that discard
+    output.
 
-    Python has None there.  Files that are opened would take its place otherwise, the solution's among them.
+    Python has None there, and files that are opened would get their descriptors, including the file of the solution.
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
@@ -81,9 +82,9 @@ def _stand_in_for_closed_streams() -> None:
 
 
 def _leave(status: int) -> NoReturn:
-    """End the process without taking every object apart, which would cost a fifth of a short solve.
+    """End the process without destroying every object, which would take a fifth of a short solve.
 
-    What is registered to happen at exit happens.  Threads that Python would wait for are waited for.
+    Functions registered for exit are run, and threads that Python would wait for are waited for.
     """
     if any(not t.daemon and t is not threading.main_thread() for t in threading.enumerate()):
         sys.exit(status)
@@ -97,7 +98,7 @@ def _leave(status: int) -> NoReturn:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Carry out one command line and return its exit status; nothing is raised.
+    """Run one command line and return its exit status; no exception is raised.
 
     Args:
         arguments: the words after ``stc``.
@@ -157,7 +158,7 @@ def _carried_out(arguments: Sequence[str]) -> int:
         return report(
             as_json,
             "error",
-            "what this asks for is nested too deep: name fewer things through others",
+            "expressions are nested too deep: use fewer definitions within definitions",
             MISTAKE,
         )
     except MemoryError:
@@ -174,33 +175,35 @@ def _carried_out(arguments: Sequence[str]) -> int:
         if isinstance(error, ImportError) and "failed to map segment" in str(error):  # the loader says so
             return report(as_json, "failed", _NO_MEMORY, BAD)
         if type(error).__module__.partition(".")[0] == "mujoco":  # which is not imported for its exceptions
-            return report(as_json, "failed", f"MuJoCo cannot go on: {' '.join(str(error).split())}", BAD)
+            return report(as_json, "failed", f"MuJoCo failed: {' '.join(str(error).split())}", BAD)
         return _unexpected(as_json, error)
 
 
-_NO_MEMORY = "there is not enough memory for this: ask for less of it"
+_NO_MEMORY = "there is not enough memory for this: use fewer frames, samples or workers"
 
 
 def _mistakes(error: SpecError) -> str:
-    """The mistakes of a spec, not more than anybody reads, and whether it is a spec at all."""
+    """The mistakes of a spec, up to a maximum number, with a remark if the file may not be a spec."""
     text = error.shown(MOST_MISTAKES)
     span = error.diagnostics[0].span if error.diagnostics else None
     if len(error.diagnostics) > MOST_MISTAKES and span is not None and span.source.path is not None:
         if not span.source.path.endswith(".stc"):
-            text += f"\n`{span.source.name}` may be no spec: those are .stc files; `stc new NAME` writes one"
+            text += (
+                f"\n`{span.source.name}` may not be a spec: specs are .stc files; `stc new NAME` writes one"
+            )
     return text
 
 
 def _usage(error: Exception) -> str:
-    """A parser's complaint with a pointer to the help of the command that it is about."""
+    """The message of the option parser, with a pointer to the help of the command."""
     context = getattr(error, "ctx", None)
     message = error.format_message()  # type: ignore[attr-defined]
     command = context.command_path if context is not None else "stc"
-    return f"{message}\n  `{command} --help` tells what it takes"
+    return f"{message}\n  `{command} --help` lists its arguments and options"
 
 
 def _unexpected(as_json: bool, error: Exception) -> int:
-    """A defect of the program itself: one clear line, the traceback only on request."""
+    """A defect of the program itself: one line, and the traceback only on request."""
     if os.environ.get("STC_DEBUG"):
         import traceback
 

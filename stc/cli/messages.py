@@ -1,4 +1,4 @@
-"""What a command says on standard error where it has nothing to hand over, and in JSON where that is asked for."""
+"""Messages of a command that has no result, on standard error and in JSON if requested."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from stc.errors import EvaluationError, SpecError, StcError
 
 
 def ended(status: str) -> int:
-    """End this process's command where there is nothing to hand over; returns its exit status."""
+    """End a command without a result; returns its exit status."""
     guard.settle()
     say_ended(status)
     return BAD
 
 
 def say_ended(status: str) -> None:
-    """Say that this process's command is ended with nothing to hand over."""
-    words = {"time_limit": "the time limit was reached before there was anything to keep"}
+    """Print that a command was ended without a result."""
+    words = {"time_limit": "the time limit was reached before there was a result to save"}
     say("--json" in sys.argv, status, words.get(status, status))
 
 
 def report(as_json: bool, status: str, message: str, code: int, error: StcError | None = None) -> int:
-    """Print what went wrong on standard error and, if asked, the JSON object on standard output."""
+    """Print an error on standard error and, if requested, a JSON object on standard output."""
     guard.settle()
     say(as_json, status, message, error)
     return code
 
 
 def say(as_json: bool, status: str, message: str, error: StcError | None = None) -> None:
-    """Print what went wrong, as :func:`report` does."""
+    """Print an error, as :func:`report` does."""
     has_place = isinstance(error, SpecError | EvaluationError)
     text = message if has_place or message.startswith("stc ") else f"stc: {message}"
     print(text, file=sys.stderr)

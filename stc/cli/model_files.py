@@ -1,4 +1,4 @@
-"""What `stc show robot.xml` lists."""
+"""The listing of `stc show robot.xml`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def find(name: str) -> Path:
 
 
 def listing(name: str) -> str:
-    """Names, keyframes and sizes of a model, and what of it cannot be stated."""
+    """Names, keyframes and sizes of a model, and its unsupported elements."""
     path = find(name)
     mechanism = read_model(path)
     lines = [
@@ -60,14 +60,20 @@ def listing(name: str) -> str:
         if names:
             lines.append(f"{what}:")
             lines += [f"  {each}" for each in names]
-    if path.suffix.lower() == ".urdf" and not mechanism.actuators:
+    if mechanism.is_urdf:
         lines += [
-            "a URDF states neither motors nor whether its root is free: here it is fixed to the world. For one that",
-            "moves about save it as MJCF (MuJoCo's `mj_saveLastXML`) and add <freejoint/>, <motor>s and a floor there,",
-            "or add forces under `forces:` of the spec",
+            "a URDF states neither motors nor whether its root is free: here it is fixed to the world. A spec adds",
+            f'these, and a floor, by words: model: "{path.name}" with freejoint, motors, floor;',
         ]
+        pairs = [" and ".join(mechanism.bodies[body].name for body in pair) for pair in mechanism.excluded]
+        lines += (
+            [f"these overlap in the pose that the file draws, and do not touch: {'; '.join(pairs)}"]
+            if pairs
+            else []
+        )
+        lines += [f"left out or changed: {change}" for change in mechanism.changes]
     refused = refusals(mechanism)
-    lines.append("cannot be stated:" if refused else "all of it can be stated")
+    lines.append("cannot be stated:" if refused else "every element of the model is supported")
     lines += [f"  {refusal} (or `without {refusal.kind}`)" for refusal in refused]
     return "\n".join(lines)
 

@@ -1,27 +1,32 @@
-"""The spec that `stc new --model robot.xml` writes: the first of a few plain ones that solves and passes validation.
+"""The spec that `stc new --model robot.xml` writes: the first of several simple specs that solves and passes
+validation.
 
-A robot that stands is asked to stand, one that is mounted to hold its pose, and what can do neither is let go.
-Which of these a model can do depends on its motors, ranges and shapes, so each page is tried before it is written.
+A robot that can stand is asked to stand, a mounted one to hold its pose; a model that can do neither is let go.  Which
+of these is possible depends on its motors, ranges and shapes, so each spec is tried before it is written.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from stc import pipeline
 from stc.bundled import with_text
 from stc.cli.model_files import find
-from stc.cli.stance import Spot, Stance
+from stc.cli.trees import objects
 from stc.deadline import spent
 from stc.errors import Source, StcError, UsageError
 from stc.language.model.scope import path_of, quoted
 from stc.mechanism.mechanism import Mechanism
-from stc.mechanism.read import read_model
+from stc.mechanism.read import ModelFileError, read_model
 from stc.mechanism.refusals import refusals, without
+from stc.model_source import ADDITIONS
 from stc.records import dataclass
+from stc.stance import Spot, Stance
 
 #: Places of contact that are this much above the lowest one, in m, stand in the same pose; if legs may bend, these.
 _LEVEL, _NEAR = 1e-3, 0.1
@@ -32,6 +37,12 @@ _ITERATIONS, _SECONDS = 200, 20.0
 _STIFF = 5e-4
 #: Lever, in m, at which the weight makes a torque: its square weighs movement (rad^2/s^2) against squared torques.
 _STILLNESS = 1.0
+#: The same of joints with dry friction in the air, which holds them up as they creep.
+_STILLNESS_AGAINST_CREEP = 100.0
+#: So much stiffer is friction than pressure where feet hardly creep.
+_NO_CREEP = 100.0
+#: m/s^2
+_GRAVITY = 9.81
 #: The share of friction that the page uses: within MuJoCo's pyramid of forces, and with something to spare.
 _GRIP = 0.7
 
@@ -42,12 +53,14 @@ Changes = Sequence[tuple[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class _Page:
-    """What one page asks for.
+    """The definition of one spec.
 
     Attributes
     ----------
     title
         What the model does there.
+    pose
+        In which it begins, before changes.
     seconds
         How long.
     feet
@@ -56,6 +69,8 @@ class _Page:
         Geoms of these that resist turning and rolling, which points do not.
     changes
         Joints that differ from the model's pose, and their values.
+    held
+        Joints to be held, where others are of objects that move as they like; empty for all.
     pinned, ends
         Whether the first frame is the pose, and whether the last one is at rest, in the same pose if that is pinned.
     raised
@@ -63,10 +78,12 @@ class _Page:
     """
 
     title: str
+    pose: str
     seconds: float = 0.5
     feet: Sequence[str] = ()
     points: Sequence[str] = ()
     changes: Changes = ()
+    held: Sequence[str] = ()
     pinned: bool = True
     ends: bool = True
     raised: float = 0.0
@@ -87,20 +104,47 @@ def starter(name: str, path: Path) -> str:
     UsageError
         There is no such model, or it has no joints.
     """
-    mechanism = read_model(find(name))
-    left = sorted({refusal.kind for refusal in refusals(mechanism)})
-    mechanism = without(mechanism, left)
+    mechanism, words = _completed(find(name))
     if not mechanism.joints:
         raise UsageError(f"the model `{name}` has no joints: there is nothing to move")
+    model = f'"{_written(name, path)}"{words}'
     solved = text = ""
     for page in _pages(mechanism):
-        text = _text(page, mechanism, path, name, left)
+        text = _text(page, mechanism, path, name, model)
         fate = _tried(text, path)
         if not fate:
             return text
         if fate != _UNSOLVED:
-            solved = solved or f"# It is solved, and fails in MuJoCo: {fate}.\n{text}"
+            solved = solved or f"# The solve ends optimal, and the motion fails in MuJoCo: {fate}.\n{text}"
     return solved or f"# Within {_SECONDS:g} s of processor time it was not solved.\n{text}"
+
+
+def _completed(file: Path) -> tuple[Mechanism, str]:
+    """A model without what cannot be stated, and the words in which a spec says so.
+
+    To a URDF are added motors, and where it stands on legs or cannot move else also what lets it stand.  Many a model
+    of a robot leaves the floor to another file, which includes it.
+    """
+    plain = read_model(file)
+    left = sorted({refusal.kind for refusal in refusals(plain)})
+    added: tuple[str, ...] = ()
+    if plain.is_urdf:
+        added = tuple(ADDITIONS) if not plain.joints or _has_legs(file) else ("motors",)
+    elif _travels(plain, objects(plain)) and all(geom.body for geom in plain.geoms):
+        added = ("floor",)
+    words = [f"with {', '.join(added)}"] if added else []
+    words += [f"without {', '.join(left)}"] if left else []
+    mechanism = read_model(file, additions=added) if added else plain
+    return without(mechanism, left), "".join(f" {each}" for each in words)
+
+
+def _has_legs(file: Path) -> bool:
+    """Whether a model whose root is free would stand on legs."""
+    try:
+        free = read_model(file, additions=tuple(ADDITIONS))
+    except ModelFileError:  # a root without mass is no moving body
+        return False
+    return Stance(free, free.start).has_legs(_NEAR)
 
 
 #: What becomes of a page that is not solved.
@@ -108,7 +152,7 @@ _UNSOLVED = "not solved"
 
 
 def _tried(text: str, path: Path) -> str:
-    """What becomes of a page: nothing where it is solved and passes validation, else by what it fails."""
+    """Solve and validate a spec: "" if it passes, otherwise the reason of the failure."""
     from stc.certification import certify
 
     try:
@@ -124,45 +168,90 @@ def _tried(text: str, path: Path) -> str:
 
 def _pages(mechanism: Mechanism) -> Iterator[_Page]:
     """Pages from the most to the least that can be asked of a model."""
-    stance = Stance(mechanism, _pose(mechanism)[1])
-    inside = stance.changes()
-    travels = _travels(mechanism)
+    pages = [_Pages(mechanism, pose, q) for pose, q in _poses(mechanism).items()]
+    for each in pages:
+        yield from each.that_hold()
+    for each in pages:
+        yield from each.that_let_go()
 
-    def standing(title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
+
+class _Pages:
+    """The pages that begin in one pose, (nq,)."""
+
+    def __init__(self, mechanism: Mechanism, pose: str, q: Sequence[float]) -> None:
+        self.mechanism, self.pose = mechanism, pose
+        loose = objects(mechanism)
+        self.stance = Stance(mechanism, q, loose)
+        self.held = _held(mechanism, loose)
+        self.travels = _travels(mechanism, loose)
+        things = Stance(mechanism, q, frozenset(range(len(mechanism.bodies))) - loose)
+        self.lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
+        falls = bool(things.spots) and not self.lying
+        # What falls is left to itself for as long as it touches nothing.
+        self.most = 0.9 * math.sqrt(2.0 * max(0.0, things.height()) / _GRAVITY) if falls else math.inf
+
+    def _page(self, title: str, seconds: float = 0.5, **more: Any) -> _Page:
+        seconds = seconds if seconds < self.most else float(f"{self.most:.1g}")
+        more = {"changes": self.stance.changes(), **more}
+        return _Page(title, self.pose, seconds, held=self.held, **more)
+
+    def _standing(self, title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
+        spots = [*spots, *self.lying]
         feet = [f"{spot.written}, friction = {_GRIP * spot.friction:.6g}" for spot in spots]
         points = sorted({spot.resists for spot in spots if spot.resists and spot.written.startswith("point")})
-        return _Page(title, feet=feet, points=points, changes=changes, pinned=pinned)
+        return self._page(title, feet=feet, points=points, changes=changes, pinned=pinned)
 
-    if travels and mechanism.actuators and "contact" not in mechanism.options.disabled:
-        level = stance.lowest(_LEVEL)
-        if len(level) > 1 and stance.balances(level):
-            yield standing("stands still", level, inside)
-        near = stance.lowest(_NEAR)
-        balanced = stance.balanced(near)
-        if balanced is not None:
-            yield standing("stands still", near, stance.changes(balanced))
-        if near:
-            begin = stance.changes(stance.bent() if balanced is None else balanced)
-            yield standing("stands in a pose that takes the least effort", near, begin, pinned=False)
-    if not travels:
-        yield _Page("holds a pose with the least effort", changes=inside)
-    title = "is let go, and moves with the least effort"
-    if travels:
-        yield _Page(title, 0.2, ends=False, raised=0.5, changes=inside)
-    yield _Page(title, 0.05, ends=False, changes=inside)
+    def that_hold(self) -> Iterator[_Page]:
+        """Pages on which the model stands, or holds its pose."""
+        stance, mechanism, inside = self.stance, self.mechanism, self.stance.changes()
+        if not self.travels:
+            yield self._standing("holds a pose with the least effort", [], inside)
+            if self.held:  # what falls may fall on something
+                yield self._page("holds a pose with the least effort", 0.1)
+        elif mechanism.actuators and "contact" not in mechanism.options.disabled:
+            level = stance.lowest(_LEVEL)
+            if len(level) > 1 and stance.balances(level):
+                yield self._standing("stands still", level, inside)
+            balanced, near = stance.standing(_NEAR)
+            if balanced is not None:
+                yield self._standing("stands still", near, stance.changes(balanced))
+            if near and not self.held:
+                begin = stance.changes(stance.bent() if balanced is None else balanced)
+                yield self._standing(
+                    "stands in a pose that takes the least effort", near, begin, pinned=False
+                )
+
+    def that_let_go(self) -> Iterator[_Page]:
+        """Pages on which the model is left to itself for a moment."""
+        title = "is let go, and moves with the least effort"
+        if self.travels:
+            yield self._page(title, 0.2, ends=False, raised=round(0.5 - min(0.0, self.stance.height()), 2))
+        yield self._page(title, 0.05, ends=False)
 
 
-def _travels(mechanism: Mechanism) -> bool:
-    """Whether a body that hangs on the world can be moved up and down."""
+def _held(mechanism: Mechanism, loose: Container[int]) -> Sequence[str]:
+    """The paths of hinges and slides that are to be held where other joints are of objects; none elsewhere."""
+    if not any(joint.body in loose for joint in mechanism.joints):
+        return []
+    return [
+        path_of("joint", joint.name)
+        for joint in mechanism.joints
+        if joint.kind in ("hinge", "slide") and joint.body not in loose
+    ]
+
+
+def _travels(mechanism: Mechanism, loose: Container[int]) -> bool:
+    """Whether a body that hangs on the world, and is none of the loose ones, can be moved up and down."""
     return any(
         mechanism.bodies[joint.body].parent == 0
+        and joint.body not in loose
         and (joint.kind == "free" or (joint.kind == "slide" and abs(joint.axis[2]) > 1.0 - 1e-9))
         for joint in mechanism.joints
     )
 
 
-def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequence[str]) -> str:
-    base = _pose(mechanism)[0] + (f" + (0, 0, {page.raised:g})" if page.raised else "")
+def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) -> str:
+    base = page.pose + (f" + (0, 0, {page.raised:g})" if page.raised else "")
     changes = "".join(f", {joint} = {value:.9g}" for joint, value in page.changes)
     lines = [
         f"# {path.stem}: {Path(name).stem} {page.title}.  A page to start from.",
@@ -174,7 +263,7 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
         "  n = 20,                 # frames are 0, 1, ..., n",
         f"  T = {page.seconds:g}, h = T/n;       # seconds in all, and from one frame to the next",
         "",
-        f'model: "{_written(name, path)}"' + (f" without {', '.join(left)}" if left else "") + ";",
+        f"model: {model};",
         "",
     ]
     if page.feet:
@@ -185,7 +274,10 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
     lines += ["poses:", f"  begin = {base}{' grounded' if page.feet else ''}{changes};", "", "constraints:"]
     if page.pinned:
         lines += ["  [0]: begin; rest;"]
-        if page.ends:
+        if page.ends and page.held:
+            lines += ["  # what nothing drives moves as it likes; the others end as they began"]
+            lines += [f"  for j in {', '.join(page.held)}: {{ [n]: {{j}} = {{j}}[0]; {{j}}'; }}"]
+        elif page.ends:
             lines += ["  [n]: begin; rest;          # ask for more: another pose, or values of joints"]
         else:
             lines += [
@@ -205,6 +297,9 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
     if page.feet and _gives_way(mechanism):
         settings += ["  # the model's contacts give way; those of this page are rigid"]
         settings += [f"  set option.solref.time = {_STIFF:g};"]
+    if page.feet and mechanism.options.impratio < _NO_CREEP:
+        settings += ["  # feet of the model creep; those of this page stand"]
+        settings += [f"  set option.impratio = {_NO_CREEP:g};"]
     if page.points:
         settings += ["  # the model's contacts resist turning and rolling; those of this page are points"]
     for geom in page.points:
@@ -212,29 +307,32 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, left: Sequen
     lines += ["", "replay:", *settings] if settings else []
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
-    if page.feet and page.pinned:
-        weight = 9.81 * sum(body.mass for body in mechanism.bodies)
-        still = (_STILLNESS * weight) ** 2
-        lines += [f"  [0, n]: integral({still:.1g}*joint.*'^2);      # and with little movement"]
+    if page.pinned and page.ends:
+        weight = _GRAVITY * sum(body.mass for body in mechanism.bodies)
+        creeps = not page.feet and any(joint.frictionloss for joint in mechanism.joints)
+        still = ((_STILLNESS_AGAINST_CREEP if creeps else _STILLNESS) * weight) ** 2
+        each = f"for j in {', '.join(page.held)}: " if page.held else ""
+        joint = "{j}" if page.held else "joint.*"
+        lines += [f"  {each}[0, n]: integral({still:.1g}*{joint}'^2);      # and with little movement"]
     return "\n".join(lines) + "\n"
 
 
 def _gives_way(mechanism: Mechanism) -> bool:
-    """Whether contacts of the model give way, as MuJoCo's usual ones do."""
+    """Whether the contacts of the model are as compliant as MuJoCo's default."""
     touching = [geom for geom in mechanism.geoms if geom.contype or geom.conaffinity]
     return any(geom.solref[0] > _STIFF for geom in touching)
 
 
 def _written(name: str, path: Path) -> str:
-    """A model as a spec at ``path`` calls it: files are looked up beside the spec, then among the bundled ones."""
+    """The name of a model in a spec at ``path``: files are looked up beside the spec, then among the bundled ones."""
     if not Path(name).is_file() or Path(name).is_absolute():
         return name
     return Path(os.path.relpath(name, path.parent)).as_posix()
 
 
-def _pose(mechanism: Mechanism) -> tuple[str, Sequence[float]]:
-    """The model's first keyframe with a name, else the pose that the file draws: its path and coordinates."""
-    for keyframe in mechanism.keyframes:
-        if keyframe.name:
-            return f"keyframe.{quoted(keyframe.name)}", keyframe.qpos
-    return "keyframe.reference", mechanism.start
+def _poses(mechanism: Mechanism) -> dict[str, Sequence[float]]:
+    """The model's first keyframe with a name, and the pose that the file draws: paths and coordinates, (nq,)."""
+    named = [keyframe for keyframe in mechanism.keyframes if keyframe.name][:1]
+    poses: dict[str, Sequence[float]] = {f"keyframe.{quoted(each.name)}": each.qpos for each in named}
+    poses["keyframe.reference"] = mechanism.start
+    return poses

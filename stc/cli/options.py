@@ -1,4 +1,4 @@
-"""What the options of the commands ask for, and the checks that a parser cannot make."""
+"""The options of the commands, and checks that the option parser cannot make."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stc.records import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class SolveOptions:
-    """What the user asked of one solve; None leaves the choice to the spec or the solver."""
+    """The user's options of one solve; None leaves the choice to the spec or the solver."""
 
     constants: dict[str, float]
     method: str | None = None
@@ -58,7 +58,7 @@ def solve_options(
     """Check the options of one solve before any work is done.
 
     Raises:
-        UsageError: a value that cannot be meant, a file that is missing or cannot be written where it should.
+        UsageError: an invalid value, or a file that is missing or cannot be written.
     """
     if method is not None:
         check_method(method)
@@ -75,7 +75,7 @@ def solve_options(
     if optimizer is not None:
         check_optimizer(optimizer)
     if profile and optimizer not in (None, "sqp"):
-        raise UsageError(f"--profile looks into the project's own method, not into {optimizer}")
+        raise UsageError(f"--profile works with the optimizer sqp, not with {optimizer}")
     search = search_options(guess_from, walk, starts, seed, refine, warm_start, until)
     given = constants(settings)
     if search.walk is not None and search.walk.name in given:
@@ -98,10 +98,10 @@ def solve_options(
 
 
 def check_method(method: str) -> None:
-    """Refuse a transcription that does not exist.
+    """Refuse an unknown transcription.
 
     Raises:
-        UsageError: with the nearest name.
+        UsageError: the message suggests the closest name.
     """
     from stc.trajectory import METHODS
 
@@ -114,10 +114,10 @@ def check_method(method: str) -> None:
 
 
 def check_optimizer(name: str) -> None:
-    """Refuse an optimizer that does not exist.
+    """Refuse an unknown optimizer.
 
     Raises:
-        UsageError: with the nearest name.
+        UsageError: the message suggests the closest name.
     """
     from stc.optimizers import optimizer_of
 
@@ -143,7 +143,7 @@ def constants(settings: Sequence[str] | None) -> dict[str, float]:
 
 
 def existing_solution(name: str, option: str = "") -> Path:
-    """The path of a solution file that is there to be read.
+    """The path of an existing solution file.
 
     Raises:
         UsageError: it is missing, or of another kind.
@@ -160,10 +160,10 @@ def existing_solution(name: str, option: str = "") -> Path:
 
 
 def writable_page(name: str) -> Path:
-    """The path that a certificate is to be written to.
+    """The path for a certificate.
 
     Raises:
-        UsageError: the suffix is not ``.html``, or a folder is in the way.
+        UsageError: the suffix is not ``.html``, or the path is a folder.
     """
     path = Path(name)
     if path.suffix.lower() not in (".html", ".htm"):
@@ -172,7 +172,7 @@ def writable_page(name: str) -> Path:
 
 
 def writable_solution(name: str) -> Path:
-    """The path that a solution is to be saved under; missing folders are made.
+    """The path for a solution; missing folders are created.
 
     Raises:
         UsageError: the suffix is unknown, or something is in the way.
@@ -186,7 +186,7 @@ def writable_solution(name: str) -> Path:
 
 
 def ready_to_write(path: Path, option: str = "-o", tell: bool = True) -> Path:
-    """The path that an option names; missing folders are made, which a note tells unless somebody else does.
+    """Check a path that an option names; missing folders are created, with a note.
 
     Raises:
         UsageError: something is in the way.

@@ -1,4 +1,4 @@
-"""What a command that solves has come to: shown, recorded and saved; also where it is ended before its own end."""
+"""The result of a command that solves: shown, recorded and saved, also if the command is ended early."""
 
 from __future__ import annotations
 
@@ -33,9 +33,10 @@ __all__ = ["Ending", "Outcome", "keep_solution"]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A solution with where it is saved (None: nowhere), the warnings about its spec, the reasons and the grid's error.
+    """A solution with its file (None if it is not saved), the warnings about its spec, the reasons and the grid's
+    error.
 
-    ``unsaved`` tells why it is not, where it was to be; ``was_read`` that the file was there already.
+    ``unsaved`` is the reason why it could not be saved; ``was_read`` says that the file existed already.
     """
 
     solution: Solution
@@ -54,23 +55,23 @@ class Outcome:
 
     @property
     def status(self) -> str:
-        """How the solve ended; a search that did not get where it was sent is not optimal."""
+        """The status of the solve; not optimal if a search did not reach its goal."""
         return self.solution.status if self.found is None else self.found.status
 
     @property
     def good(self) -> bool:
-        """Whether all that was asked of the solve was reached."""
+        """Whether the solve and the search reached their goals."""
         found = self.status == "optimal" if self.found is None else self.found.good
         return found and not self.unsaved
 
     @property
     def next_step(self) -> str:
-        """The sentence that sends the user of a solve in time steps on to ``stc schedule``."""
+        """The sentence that refers the user of a time-stepping solve to ``stc schedule``."""
         file = self.file or f"{self.solution.name}.npz"
         return f"`stc schedule {file}` writes its contacts as ranges of frames, to be solved and validated"
 
     def record(self) -> record.Record:
-        """What ``--json`` prints of it."""
+        """The record for ``--json``."""
         known = record.of_solution(
             self.solution, None if self.file is None else str(self.file), self.warnings
         )
@@ -90,7 +91,7 @@ class Outcome:
         return known if self.found is None else self.found.added_to(known)
 
     def show(self) -> None:
-        """Print the solution with its file, standard errors and grid error, for people."""
+        """Print the solution with its file, standard errors and grid error."""
         console.show_solution(self.solution, self.file, self.was_read, self.uncertainty, self.grid)
         if self.found is not None and (in_all := self.found.in_all()):
             print(in_all)
@@ -98,10 +99,10 @@ class Outcome:
             console.note(self.found.message)
         if self.found is not None and self.found.remark:
             console.note(self.found.remark)
-        if self.grid is not None and self.grid.gross:
+        if self.grid is not None and self.grid.warning:
             console.note(self.grid.warning)
         if self.solution.is_sketch and self.solution.status == "optimal":
-            console.note(f"the motion is one in time steps, of first order: {self.next_step}")
+            console.note(f"the motion was found by time stepping, which is of first order: {self.next_step}")
         for one in self.ringing[:MOST_RINGING]:
             console.note(str(one))
         if self.complementarity is not None:
@@ -119,15 +120,15 @@ class Outcome:
 
 
 class Ending:
-    """What a command leaves that is ended from outside, by :mod:`stc.cli.guard` or between two steps of a search.
+    """The output of a command that is ended by :mod:`stc.cli.guard` or between two steps of a search.
 
     Args:
-        watch: the line to be taken away.
-        file: where the motion is to be saved; None for nowhere.
+        watch: the progress line to remove.
+        file: file for the motion; None if it is not saved.
         as_json: whether a record is printed.
 
     Attributes:
-        outcome: what the command has come to already; None while it solves.
+        outcome: the result of the command; None while it solves.
     """
 
     def __init__(self, watch: Watch, file: Path | None, as_json: bool) -> None:
@@ -136,7 +137,9 @@ class Ending:
         self._solved: Solution | None = None
 
     def noting(self, solve: Callable[..., Solution]) -> Callable[..., Solution]:
-        """The same solve, whose last optimal solution (else the first one) is kept for when a search is ended."""
+        """A wrapper of a solve that keeps the last optimal solution (else the first one) in case the search is
+        stopped.
+        """
 
         def noted(**options: Any) -> Solution:
             solution = solve(**options)
@@ -147,7 +150,7 @@ class Ending:
         return noted
 
     def found(self, status: str) -> Found | None:
-        """What there is: the last solution of a search, else the best iterate of the solve under way, else None."""
+        """The last solution of a search, else the best iterate of the current solve, else None."""
         from stc import unfinished
         from stc.solver.status import Status, sentence
 
@@ -180,7 +183,7 @@ class Ending:
 
 
 def keep_solution(solution: Solution, file: Path, keep: Callable[[Path], object] | None = None) -> str:
-    """Save a solution; why that cannot be, or nothing: what a solve has found is told of all the same."""
+    """Save a solution; returns why that failed, or ""."""
     try:
         if solution.status != "optimal":
             from stc.cli.keeping import keep_optimal

@@ -1,4 +1,4 @@
-"""The arguments and options that several commands share, as the parser wants them declared."""
+"""The arguments and options that several commands share, declared for typer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import typer
 
 
 def _bundled(incomplete: str) -> list[str]:
-    """The bundled specs whose names begin so, for the completion of shells, which add files of their own."""
+    """The names of bundled specs that begin with a text, for shell completion; the shell itself completes files."""
     from stc import specs
 
     return [name for name in specs.names() if name.startswith(incomplete)]
@@ -39,17 +39,21 @@ Method = Annotated[
     typer.Option(
         "--method",
         metavar="METHOD",
-        help="central, trapezoidal, hermite-simpson or stepping, whatever the spec says.",
+        help="central, trapezoidal, hermite-simpson or stepping; overrides the spec's method.",
     ),
 ]
 MaxIterations = Annotated[
     int | None, typer.Option("--max-iterations", metavar="COUNT", help="Stop after this many iterations.")
 ]
 TimeLimit = Annotated[
-    float | None, typer.Option("--time-limit", metavar="SECONDS", help="Stop so long after the start.")
+    float | None,
+    typer.Option("--time-limit", metavar="SECONDS", help="Stop this long after the start of the process."),
 ]
 Tolerance = Annotated[
-    float | None, typer.Option("--tolerance", metavar="ERROR", help="Largest error that counts as solved.")
+    float | None,
+    typer.Option(
+        "--tolerance", metavar="ERROR", help="Largest optimality error of a solution; default 1e-8."
+    ),
 ]
 Optimizer = Annotated[
     str | None,
@@ -62,23 +66,21 @@ Optimizers = Annotated[
     typer.Option(
         "--optimizers",
         metavar="NAME,NAME,...",
-        help="Which to run, in this order; default sqp,nlopt:slsqp,nlopt:auglag, without what is slow on large specs.",
+        help="The optimizers; default sqp,nlopt:slsqp,nlopt:auglag, without slow ones for large specs.",
     ),
 ]
 CompareLimit = Annotated[
     float | None,
-    typer.Option("--time-limit", metavar="SECONDS", help="Stop each of them after this much time."),
+    typer.Option("--time-limit", metavar="SECONDS", help="Stop each optimizer after this time; default 60."),
 ]
 WarmStart = Annotated[
     str | None,
-    typer.Option(
-        "--warm-start", metavar="FILE", help="Start from a saved solution, resampled where n differs."
-    ),
+    typer.Option("--warm-start", metavar="FILE", help="Start from a saved solution, resampled if n differs."),
 ]
 GuessFrom = Annotated[
     str | None,
     typer.Option(
-        "--guess-from", metavar="FILE", help="Start from the values in a .csv or .npz file, by name."
+        "--guess-from", metavar="FILE", help="Start from the columns of a .csv or .npz file, matched by name."
     ),
 ]
 Continue = Annotated[
@@ -86,14 +88,19 @@ Continue = Annotated[
     typer.Option(
         "--continue",
         metavar="NAME=FIRST:LAST:STEPS",
-        help="Walk a constant to its last value, each solve starting from the one before.",
+        help="Change a constant in STEPS steps from FIRST to LAST; each solve starts from the one before.",
     ),
 ]
 Starts = Annotated[
     int | None,
-    typer.Option("--starts", metavar="COUNT", help="Solve from so many starts and keep the best optimum."),
+    typer.Option(
+        "--starts", metavar="COUNT", help="Solve from COUNT random guesses and keep the best optimum."
+    ),
 ]
-Seed = Annotated[int | None, typer.Option("--seed", metavar="NUMBER", help="Of --starts; default 1.")]
+Seed = Annotated[
+    int | None,
+    typer.Option("--seed", metavar="NUMBER", help="Seed of the random guesses of --starts; default 1."),
+]
 Refine = Annotated[
     float | None,
     typer.Option(
@@ -105,41 +112,43 @@ UntilVerified = Annotated[
     typer.Option(
         "--until-verified",
         metavar="DRIFT",
-        help="Add frames until MuJoCo's replay stays this near, in m and rad, or say what stands in the way.",
+        help="Add frames until MuJoCo's replay drifts less than this, in m and rad, or say why it does not.",
     ),
 ]
 Output = Annotated[
     str | None,
     typer.Option(
-        "-o", "--output", metavar="FILE", help="Where the solution goes: .npz or .csv; default NAME.npz."
+        "-o", "--output", metavar="FILE", help="The solution file to write, .npz or .csv; default NAME.npz."
     ),
 ]
 PictureOutput = Annotated[
     str,
     typer.Option(
-        "-o", "--output", metavar="FILE", help="Where the picture goes; its ending says what it is."
+        "-o", "--output", metavar="FILE", help="The picture file to write; its suffix selects the format."
     ),
 ]
 Explain = Annotated[
     bool,
     typer.Option(
         "--explain",
-        help="Also tell what holds the solution back and what each statement costs, or who is to blame.",
+        help="Also list the active statements and what each costs, or the statements that cause a failure.",
     ),
 ]
 Direct = Annotated[
-    bool, typer.Option("--direct", help="Solve on all frames at once, never on fewer of them first.")
+    bool, typer.Option("--direct", help="Solve on all frames at once, not on fewer frames first.")
 ]
 Threads = Annotated[
-    int | None, typer.Option("--threads", metavar="COUNT", help="1 leaves the second processor alone.")
+    int | None, typer.Option("--threads", metavar="COUNT", help="Threads of the solver, 1 or 2; default 2.")
 ]
-Profile = Annotated[bool, typer.Option("--profile", help="Also tell where the time went.")]
+Profile = Annotated[bool, typer.Option("--profile", help="Also print the time of each part of the solve.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
-Force = Annotated[bool, typer.Option("--force", help="Replay even what the solver did not call optimal.")]
+Force = Annotated[
+    bool, typer.Option("--force", help="Replay the motion even if the solve did not end optimal.")
+]
 Report = Annotated[
     str | None,
     typer.Option("--report", metavar="FILE.html", help="Write the certificate as one self-contained page."),
 ]
 Table = Annotated[
-    bool, typer.Option("--table", help="Print every measurement of the validation, not its summary alone.")
+    bool, typer.Option("--table", help="Print every measurement of the validation, not only the summary.")
 ]

@@ -1,4 +1,4 @@
-"""What ``stc validate --robustness`` does: many replays of a motion, each time a little perturbed."""
+"""The command ``stc validate --robustness``: many replays of a motion with small perturbations."""
 
 from __future__ import annotations
 
@@ -11,24 +11,30 @@ from stc.errors import UsageError
 
 
 def run(
-    target: str, options: SolveOptions, *, force: bool, samples: int | None, seed: int | None, as_json: bool
+    target: str,
+    options: SolveOptions,
+    *,
+    force: bool,
+    samples: int | None,
+    seed: int | None,
+    workers: int | None,
+    as_json: bool,
 ) -> int:
     """Replay the motion and show the envelope; good when the unperturbed replay is not lost.
 
     Raises:
-        UsageError: what cannot be replayed so, or a negative seed.
+        UsageError: a motion that cannot be replayed with perturbations, or a negative seed.
     """
+    from stc.studies.perturbed import robustness
     from stc.validate import limits
-    from stc.validate.robustness import robustness
-    from stc.validate.verdict import open_setup
 
     seed = seed or 0
     if seed < 0:
         raise UsageError(f"--seed must not be negative, but is {seed}")
     outcome, motion = jobs.to_show(target, options, as_json)
     jobs.require_optimal(outcome.solution, "replayed", force)
-    setup = open_setup(motion, force=force)
-    found = robustness(setup, limits.PERTURBED_SAMPLES if samples is None else samples, seed)
+    samples = limits.PERTURBED_SAMPLES if samples is None else samples
+    found = robustness(motion, samples, seed, force=force, workers=workers or 1)
     good = not found.message
     if as_json:
         facts = {**record.blank("ok" if good else "failed", found.message), "name": found.spec}

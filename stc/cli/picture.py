@@ -1,4 +1,4 @@
-"""A sparse matrix as a picture in characters."""
+"""The sparsity pattern of a matrix, drawn in characters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def picture(
     shape: tuple[int, int],
     size: tuple[int, int] = (HEIGHT, WIDTH),
 ) -> str:
-    """The pattern of a matrix, framed; where the matrix is large a character stands for a block of entries.
+    """The pattern of a matrix in a frame; for a large matrix a character stands for a block of entries.
 
     Args:
         rows: (nnz,) row of each entry.

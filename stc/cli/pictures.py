@@ -1,4 +1,4 @@
-"""What ``stc plot`` and ``stc render`` do."""
+"""The commands ``stc plot`` and ``stc render``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MOTIONS = ("solved", "replayed", "tracked")
 
 
 def plot(target: str, output: str, options: SolveOptions, *, force: bool, as_json: bool) -> int:
-    """Draw a motion over time: with a model joints and forces, solved against replayed, else its variables."""
+    """Draw a motion over time: its joints and forces, solved and replayed, or its variables without a model."""
     from stc.validate.model import model_inputs
     from stc.validate.pictures.plot import PLOTS, save_plot
     from stc.validate.pictures.variables import save_variables
@@ -66,19 +66,17 @@ def render(
             replays = run_replays(setup, tracked=show == "tracked")
         motion = replays.tracked if show == "tracked" else replays.open_loop
         if motion is None:
-            raise UsageError(
-                f"{setup.solution.name} has nothing to track it with: no actuator moves one joint"
-            )
+            raise UsageError(f"{setup.solution.name} cannot be tracked: no actuator moves a single joint")
     with _Counter() as counter:
         draw(setup, file, look, motion, counter)
     return _done(setup.solution, file, as_json)
 
 
 def look(size: str, camera: str | None, rate: int, speed: float | None, tiles: int) -> Look:
-    """How to render, from what was written on the command line.
+    """The settings of pictures from the options.
 
     Raises:
-        UsageError: a value that cannot be meant.
+        UsageError: an invalid value.
     """
     from stc.validate.pictures.film import Look
 
@@ -97,7 +95,7 @@ def look(size: str, camera: str | None, rate: int, speed: float | None, tiles: i
 def _motion(
     target: str, options: SolveOptions, force: bool, as_json: bool, *needs: str
 ) -> tuple[Outcome, Solution | Path]:
-    """The motion to draw; ``needs`` as of :func:`stc.cli.jobs.to_show`."""
+    """The motion to draw; ``needs`` as for :func:`stc.cli.jobs.to_show`."""
     outcome, motion = jobs.to_show(target, options, as_json, *needs)
     jobs.require_optimal(outcome.solution, "drawn", force)
     return outcome, motion
@@ -112,7 +110,7 @@ def _done(solution: Solution, file: Path, as_json: bool) -> int:
 
 
 def _writable(name: str, endings: tuple[str, ...]) -> Path:
-    """The path that a picture is to be saved under; missing folders are made.
+    """The path for a picture; missing folders are created.
 
     Raises:
         UsageError: another ending, or something is in the way.

@@ -1,7 +1,7 @@
-"""``stc solve`` as it is mostly called, read without the parser.
+"""An ordinary ``stc solve``, read without the option parser.
 
-The parser's library takes as long to import as a small spec takes to solve.  What is read here means what it means
-there; whatever is not plain (another command, help, a mistake, a value that looks like an option) is left to it.
+Importing the parser's library takes as long as solving a small spec.  Command lines that are read here have the same
+meaning; all others (another command, help, a mistake, a value that looks like an option) are left to the parser.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Arguments = dict[str, Any]
 
 
 def read(words: Sequence[str]) -> Arguments | None:
-    """What is asked for; None for what is better left to the parser.
+    """The options of an ordinary ``stc solve``; None for command lines that are left to the parser.
 
     That is ``spec``, ``json`` where it is wanted, and arguments of :func:`stc.cli.options.solve_options`.
 

@@ -1,4 +1,4 @@
-"""Why a solve ended as it did, for people: statements to blame, what statements cost, and the grid's error."""
+"""Explanations of a result for people: statements that cause a failure, costs of statements, and the grid's error."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LONGEST = 50
 
 
 def find_blame(model: Model, solution: Solution, asked: bool) -> Blame | None:
-    """The statements to blame for a solve that did not end optimal; None where there is nothing to tell."""
+    """The statements that cause a solve not to end optimal; None if there is nothing to report."""
     seconds = min(ASKED if asked else UNASKED, deadline.left())
     if seconds < SHORTEST:
         return None
@@ -51,7 +51,7 @@ def find_explanation(model: Model, solution: Solution) -> Explanation | None:
 
 
 def find_grid_error(solution: Solution) -> GridError | None:
-    """The estimated discretisation error; None where there is no time for it, or none to estimate."""
+    """The estimated discretisation error; None if there is no time left, or no estimate."""
     if deadline.left() < SHORTEST:
         return None
     from stc.studies.grid_error import grid_error
@@ -60,7 +60,7 @@ def find_grid_error(solution: Solution) -> GridError | None:
 
 
 def find_ringing(solution: Solution) -> list[Ringing]:
-    """The controls that alternate from node to node; none where there is no time to look."""
+    """The controls that alternate from node to node; empty if there is no time to search."""
     if deadline.left() < SHORTEST:
         return []
     from stc.studies.ringing import ringing
@@ -69,7 +69,7 @@ def find_ringing(solution: Solution) -> list[Ringing]:
 
 
 def find_complementarity(solution: Solution) -> Complementarity | None:
-    """What the complementary pairs come to; None where there are none, or no time to look."""
+    """The residual and stationarity of complementary pairs; None if there are none, or no time."""
     if deadline.left() < SHORTEST:
         return None
     from stc.studies.complementarity import complementarity
@@ -78,7 +78,7 @@ def find_complementarity(solution: Solution) -> Complementarity | None:
 
 
 def find_uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
-    """The standard errors of what an optimal solution estimates; None where it is no estimation, or has none."""
+    """The standard errors of the estimated parameters; None if the spec estimates none."""
     problem, _ = model.transcription(solution.method, **solution.overrides)
     if not problem.parameters or not any(term.rows for term in problem.objective):
         return None
@@ -92,12 +92,14 @@ def find_uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
 
 
 def show_blame(blame: Blame) -> None:
-    """The statements to blame, a line each."""
+    """Print the statements that cause a failure, a line each."""
     print(blame)
 
 
 def show_explanation(explanation: Explanation) -> None:
-    """Two tables: what holds the solution back, and what giving way by one unit would change."""
+    """Print two tables: the active statements, and the change of the objective per unit by which each statement is
+    relaxed.
+    """
     from stc.studies.explain import frames_in_words
 
     print()
@@ -112,7 +114,7 @@ def show_explanation(explanation: Explanation) -> None:
         there = "" if one.frame is None else f"{one.change_there:.4g} at {one.frame:g}"
         rows.append((console.escape(_short(one.statement)), one.end, f"{one.change:.6g}", there, _place(one)))
     _table(
-        "Change of the objective, per unit that a statement gives way (an equation: that its right side grows)",
+        "Change of the objective per unit by which a statement is relaxed (an equation: by which its right side grows)",
         rows,
         ("statement", "end", "change", "most of it", "place"),
         len(explanation.sensitivities),

@@ -1,4 +1,4 @@
-"""What ``--json`` prints: one object, the same keys for every outcome, null for what is not known."""
+"""The output of ``--json``: one object with the same keys for every result, null for unknown values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Record = dict[str, Any]
 
 
 def blank(status: str, message: str = "") -> Record:
-    """A record that knows no more than how the command ended."""
+    """A record with the status of the command only."""
     return {
         "status": status,
         "message": message,
@@ -39,7 +39,7 @@ def blank(status: str, message: str = "") -> Record:
 
 
 def of_solution(solution: Solution, file: str | None = None, warnings: Iterable[Diagnostic] = ()) -> Record:
-    """The record of a solve, or of a solution read from a file; ``file`` is where it is saved."""
+    """The record of a solve, or of a solution read from a file; ``file`` is the path of the solution file."""
     record = blank(solution.status, solution.message)
     record.update(
         name=solution.name,
@@ -71,7 +71,7 @@ def of_solution(solution: Solution, file: str | None = None, warnings: Iterable[
 
 
 def of_failure(status: str, message: str, error: StcError | None = None) -> Record:
-    """The record of a command that has no solution to show."""
+    """The record of a command without a solution."""
     from stc.errors import Diagnostic
 
     record = blank(status, message)
@@ -83,7 +83,7 @@ def of_failure(status: str, message: str, error: StcError | None = None) -> Reco
 
 
 def of_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Record]:
-    """Mistakes and warnings, each with the place it points at (null where there is none)."""
+    """Mistakes and warnings, each with its position (null if there is none)."""
     found = []
     for one in diagnostics:
         span = one.span
@@ -101,13 +101,13 @@ def of_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Record]:
 
 
 def write(record: Record) -> None:
-    """Print a record as one line of standard output, the last word of the command."""
+    """Print a record as one line of standard output, the last output of the command."""
     guard.settle()
     put(record)
 
 
 def put(record: Record) -> None:
-    """Print a record, whichever thread has the last word."""
+    """Print a record, from any thread."""
     sys.stdout.write(json.dumps(finite(record), allow_nan=False) + "\n")
     sys.stdout.flush()
 

@@ -1,4 +1,4 @@
-"""Solves that take several: what the options ask for, the tables that show it, what ``--json`` gets to see."""
+"""Searches on the command line: their options, tables, and records for ``--json``."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class Walk:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What is to be done around a solve; by default nothing.
+    """The search around a solve; by default none.
 
     Attributes:
         guess: file of starting values.
-        walk: of a constant.
-        starts, seed: of a multi-start.
+        walk: the continuation of a constant.
+        starts, seed: number of starts and seed of a multi-start.
         refine: tolerance of a mesh refinement.
         until: drift of the replay below which a motion counts as verified.
     """
@@ -56,14 +56,14 @@ class Search:
 
 @dataclass(slots=True)
 class Found:
-    """The solution of a search, and what was found on the way.
+    """The solution of a search, and its record.
 
     Attributes:
-        solution: to be shown and saved.
-        status: ``optimal`` only where the search, too, got where it was sent.
-        message: why it didn't, else empty.
-        record: what ``--json`` says besides.
-        remark: what else there is to say of the solution.
+        solution: the solution to show and save.
+        status: ``optimal`` only if the search also reached its goal.
+        message: why it did not, else empty.
+        record: additional entries for ``--json``.
+        remark: an additional note on the solution.
     """
 
     solution: Solution
@@ -74,11 +74,11 @@ class Found:
 
     @property
     def good(self) -> bool:
-        """Whether the search got where it was sent."""
+        """Whether the search reached its goal."""
         return self.status == "optimal" and not self.message
 
     def in_all(self) -> str:
-        """What all solves together took, in words; empty for a single one."""
+        """The totals of all solves, in words; "" for a single one."""
         if not self.record:
             return ""
         known = self.record
@@ -89,7 +89,9 @@ class Found:
         )
 
     def added_to(self, known: dict[str, Any]) -> dict[str, Any]:
-        """A solution's record with what the search found; iterations and factorizations are of all its solves."""
+        """A solution's record with the record of the search; iterations and factorizations are those of all its
+        solves.
+        """
         if not self.record:
             return known
         more = {name: value for name, value in self.record.items() if name != "solves"}
@@ -112,7 +114,7 @@ def search_options(
     """Check the options before any work is done.
 
     Raises:
-        UsageError: a value that cannot be meant, or options that exclude each other.
+        UsageError: an invalid value, or options that exclude each other.
     """
     from pathlib import Path
 
@@ -125,7 +127,7 @@ def search_options(
     if starts is not None and starts < 1:
         raise UsageError(f"--starts must be at least 1, not {starts}")
     if seed is not None and starts is None:
-        raise UsageError("--seed is for --starts")
+        raise UsageError("--seed can only be used with --starts")
     if seed is not None and seed < 0:
         raise UsageError(f"--seed must be 0 or more, not {seed}")
     if refine is not None and not refine > 0:
@@ -175,8 +177,8 @@ def find(model: Model, search: Search, solve: Callable[..., Solution], show: boo
 
     Args:
         solve: solves the model once; takes the arguments of :meth:`stc.pipeline.Model.solve`.
-        show: print tables as the search goes on.
-        **options: of every solve.
+        show: whether to print tables as the search proceeds.
+        **options: options of every solve.
 
     Raises:
         StcError: mistakes in the input.
@@ -315,13 +317,13 @@ def _verified(
 
 
 def _added(before: Found | None, effort: Effort) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What was found before, and what all solves took together with that."""
+    """An earlier record with the totals of all solves added."""
     record = {} if before is None else before.record
     return record, {name: value + record.get(name, 0) for name, value in _totals(effort).items()}
 
 
 def _totals(effort: Effort) -> dict[str, Any]:
-    """What all solves took together."""
+    """The totals of all solves."""
     return {
         "solves": effort.solves,
         "iterations": effort.iterations,
@@ -331,12 +333,12 @@ def _totals(effort: Effort) -> dict[str, Any]:
 
 
 def _figure(number: float, how: str = ".10g") -> str:
-    """A number, or nothing where there is none."""
+    """A number as text, or "" if there is none."""
     return f"{number:{how}}" if math.isfinite(number) else "-"
 
 
 def _listed(numbers: Sequence[int]) -> str:
-    """Numbers with runs drawn together: ``0, 3-7, 9``."""
+    """Numbers as text with ranges abbreviated: ``0, 3-7, 9``."""
     parts: list[list[int]] = []
     for one in numbers:
         if parts and one == parts[-1][-1] + 1:

@@ -1,4 +1,4 @@
-"""What ``stc show --stage`` can print: one function per stage of the walk from text to solution.
+"""The stages of ``stc show --stage``: one function for each stage from text to solution.
 
 To make another stage visible, write its function and add it to :data:`STAGES`.
 """
@@ -44,14 +44,14 @@ def contact(model: Model, method: str | None) -> str:
 
 
 def problem(model: Model, method: str | None) -> str:
-    """What the spec states, with names looked up and definitions put in."""
+    """The problem of the spec, with names resolved and definitions inserted."""
     from stc.language.show import show_problem
 
     return show_problem(model.problem(method))
 
 
 def _name(key: object) -> str:
-    """A symbol of the transcribed problem as it should be read."""
+    """A readable name of a symbol of the transcribed problem."""
     from stc.transcription.lower import DataRef
 
     if not isinstance(key, DataRef):
@@ -63,7 +63,7 @@ def _name(key: object) -> str:
 
 
 def nlp(model: Model, method: str | None) -> str:
-    """The nonlinear program: its sizes, and its statements by the nodes that they stand on."""
+    """The nonlinear program: its sizes, and its statements by the nodes at which they hold."""
     from stc.symbolic.render import render
 
     found = model.transcription(method)[1]
@@ -123,7 +123,7 @@ def operations(model: Model, method: str | None) -> str:
 
 
 def _nearly(share: float) -> str:
-    """A share near one in percent, with as many digits as it takes to tell it from one."""
+    """A share near one in percent, with enough digits to distinguish it from one."""
     digits = 2 if share in (0.0, 1.0) else max(2, 1 - math.floor(math.log10(abs(1.0 - share) * 100)))
     return f"{100 * share:.{min(digits, 12)}f} %"
 
@@ -163,7 +163,7 @@ def _compiled(model: Model, method: str | None) -> Transcription:
 
 
 def sparsity(model: Model, method: str | None) -> str:
-    """Where the Jacobian and the Lagrangian's Hessian have entries, as pictures."""
+    """The patterns of the Jacobian and of the Lagrangian's Hessian, as pictures."""
     from stc.cli.picture import picture
 
     found = model.transcription(method)[1]

@@ -1,4 +1,4 @@
-"""The spec that ``stc new`` writes: small, commented, and one that solves and validates as it stands."""
+"""The spec that ``stc new`` writes: short, commented, and ready to solve and validate."""
 
 from __future__ import annotations
 
@@ -61,32 +61,60 @@ replay:
 """
 
 
-def write(name: str, model: str | None = None) -> Path:
-    """Write the starter spec as ``NAME.stc``; a name may be a path, whose folders are made.
+def write(name: str, model: str | None = None, copied: str | None = None) -> Path:
+    """Write the starter spec, or a copy of a bundled one, as ``NAME.stc``.
+
+    A name may be a path, whose folders are created.
 
     Args:
-        name: of the spec.
-        model: a model file that it is to move, instead of the particle.
+        name: name of the spec.
+        model: a model file for the spec, in place of the particle.
+        copied: the name of a bundled spec; the data files that it names are copied too.
 
     Raises:
-        UsageError: the file exists, or the name is none for a spec.
+        UsageError: a file exists, the name is none for a spec, or there is no such bundled spec.
         OSError: it cannot be written.
     """
     path = Path(name)
     if path.suffix != ".stc":
         path = path.with_name(path.name + ".stc") if path.name else path
     if path.stem in ("", ".stc") or name.endswith(("/", os.sep)):
-        raise UsageError(f"`{name}` is no name for a spec")
+        raise UsageError(f"`{name}` is not a name for a spec")
     word = shlex.quote(str(path))
     text = _TEXT.format(name=path.stem, word=word)
+    files: list[Path] = []
+    if copied is not None:
+        if model is not None:
+            raise UsageError("`--from` copies a spec with its model: `--model` does not go with it")
+        text, files = _bundled(copied)
     if model is not None:
         from stc.cli.model_starter import starter
 
         text = starter(model, path)
     ready_to_write(path, "stc new", tell=False)
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise UsageError(f"`{path}` exists already; nothing was written") from None
+    written = {path: text, **{path.parent / file.name: file.read_text(encoding="utf-8") for file in files}}
+    for target in written:
+        if target.exists():
+            raise UsageError(f"`{target}` exists already; nothing was written")
+    for target, content in written.items():
+        try:
+            with target.open("x", encoding="utf-8") as file:
+                file.write(content)
+        except FileExistsError:
+            raise UsageError(f"`{target}` exists already; it was not replaced") from None
     return path
+
+
+def _bundled(name: str) -> tuple[str, list[Path]]:
+    """The text of a bundled spec, and the data files beside it that it names.
+
+    Raises:
+        UsageError: there is no such spec.
+    """
+    from stc import specs
+
+    source = specs.locate(name)
+    if source is None:
+        raise UsageError(f"there is no bundled spec `{name}`", "`stc list` names them")
+    text = source.read_text(encoding="utf-8")
+    return text, [file for file in sorted(source.parent.glob("*.csv")) if f'"{file.name}"' in text]

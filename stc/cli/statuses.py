@@ -1,4 +1,4 @@
-"""Exit statuses of the command ``stc``, and what this process knows of its own end.
+"""Exit statuses of the command ``stc``.
 
 A command that a signal ended has 128 and the signal's number, as shells know it: 143 for SIGTERM.
 """
@@ -16,5 +16,5 @@ ended_by = 0
 
 
 def of_process(status: int) -> int:
-    """The exit status of this process where its command's is ``status``."""
+    """The exit status of this process for a command with ``status``."""
     return 128 + ended_by if ended_by else status

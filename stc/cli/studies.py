@@ -1,4 +1,6 @@
-"""What ``stc validate --equations`` and ``--order`` do: compare equations, observe the order of convergence."""
+"""The options ``--equations`` and ``--order`` of ``stc validate``: compare equations, measure the order of
+convergence.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def run(target: str, options: SolveOptions, *, equations: bool, order: bool, as_json: bool) -> int:
-    """Carry out what is asked for and show it; nothing is saved.
+    """Carry out the requested studies and print them; nothing is saved.
 
     Raises:
         UsageError: the spec has no model, or cannot be refined as it is written.
@@ -41,7 +43,7 @@ def run(target: str, options: SolveOptions, *, equations: bool, order: bool, as_
 
 
 def subject(target: str, options: SolveOptions) -> tuple[Model, str | None]:
-    """The spec that is meant, that of a solution included, and its method."""
+    """The spec of the command, or that of a solution, and its method."""
     if not is_solution(target):
         return load(target, options.constants), options.method
     from stc.pipeline import Model
@@ -56,7 +58,7 @@ def subject(target: str, options: SolveOptions) -> tuple[Model, str | None]:
 
 
 def compare_equations(model: Model, method: str | None) -> EquationReport:
-    """The spec's equations of motion against its model's."""
+    """The comparison of the spec's equations of motion with its model's."""
     from stc.studies.equations import check_equations
 
     problem = model.problem(method)
@@ -65,7 +67,7 @@ def compare_equations(model: Model, method: str | None) -> EquationReport:
 
 
 def observe_order(model: Model, method: str | None, options: SolveOptions) -> OrderReport:
-    """Three solves with the live line, and how fast their replays converge."""
+    """Three solves with a progress line, and the order of convergence of their replays."""
     from stc.studies.order import observe_order as observe
 
     def solve(**settings: Any) -> Solution:

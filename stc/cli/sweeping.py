@@ -1,4 +1,4 @@
-"""What ``stc sweep`` does: a spec solved and judged for all combinations of values of some constants."""
+"""The command ``stc sweep``: solve and judge a spec for all combinations of values of some constants."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def run(
     replay: bool,
     as_json: bool,
 ) -> int:
-    """Sweep and show what was found; good when every point has an optimum that no replay failed.
+    """Sweep and print the results; the exit status is good if every point has an optimum that did not fail in a replay.
 
     Raises:
         UsageError, SpecError: as :func:`stc.sweeps.sweep`.
     """
     from stc.sweeps import sweep
-    from stc.sweeps.workers import WorkerError, can_share
+    from stc.workers import WorkerError, can_share
 
     axes = dict(axis(setting) for setting in settings or ())
     if not axes:
@@ -90,7 +90,7 @@ def run(
 
 
 def _told(found: Sweep | None, name: str, folder: Path, why: str, as_json: bool) -> int:
-    """Say what has been found; ``why`` not all of it, if so."""
+    """Print the results, and ``why`` they are incomplete if they are."""
     from stc.sweeps.folder import is_good
 
     facts = {} if found is None else found.facts
@@ -121,6 +121,36 @@ def _told(found: Sweep | None, name: str, folder: Path, why: str, as_json: bool)
     if why:
         console.note(why)
     return GOOD if good else BAD
+
+
+def dataset(
+    folder: str, output: str | None, *, time_step: float | None, unverified: bool, as_json: bool
+) -> int:
+    """Write the motions of a sweep as a data set.
+
+    Raises:
+        UsageError: as :func:`stc.sweeps.dataset.dataset`.
+    """
+    from stc.sweeps.dataset import dataset as write
+
+    made = write(folder, output or f"{Path(folder).name}_dataset", time_step=time_step, unverified=unverified)
+    if as_json:
+        record.write(
+            {
+                "status": "ok",
+                "folder": str(made.folder),
+                "episodes": made.episodes,
+                "steps": made.steps,
+                "left_out": {str(index): why for index, why in made.left.items()},
+            }
+        )
+        return GOOD
+    for index, why in list(made.left.items())[:_MOST]:
+        console.note(f"point {index} is left out: {why}")
+    if len(made.left) > _MOST:
+        console.note(f"{len(made.left) - _MOST} more points are left out")
+    print(f"{made.folder} written: {len(made.episodes)} motions, {made.steps} steps")
+    return GOOD
 
 
 def axis(setting: str) -> tuple[str, list[float]]:

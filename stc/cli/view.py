@@ -1,4 +1,4 @@
-"""What ``stc view`` does: a motion in one of MuJoCo's windows."""
+"""The command ``stc view``: a motion in one of MuJoCo's windows."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Where and how a motion is shown.
+    """The window of a motion.
 
     Attributes:
-        web: in a browser.
-        host: address that the page is served on.
-        port: of the page; 0 takes the first free one from 8080 on.
+        web: whether it is shown in a browser.
+        host: address on which the page is served.
+        port: port of the page; 0 takes the first free one from 8080 on.
         tracked: show MuJoCo's run with feedback first.
         speed: share of real time.
     """
@@ -39,7 +39,7 @@ class Window:
 
 
 def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> int:
-    """Show a saved motion, or what solving a spec gives; with ``live`` while it is solved.
+    """Show a saved motion, or the solution of a spec; with ``live`` during the solve.
 
     Raises:
         UsageError: options that do not go together, an address that cannot be listened on.
@@ -54,7 +54,7 @@ def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> i
     if not is_solution(target):
         outcome.show()
     if outcome.solution.status != "optimal":
-        console.note(f"the solve ended {outcome.solution.status}: what is shown is no solution")
+        console.note(f"the solve ended {outcome.solution.status}: the motion shown is not a solution")
     beside = [motion.parent] if isinstance(motion, Path) else []
     player = _player(outcome.solution, beside, window)
     from stc.viewer.tweaks import session_for
@@ -62,13 +62,13 @@ def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> i
     try:
         player.tweaks = session_for(outcome.solution)
     except StcError as error:
-        console.note(f"constants cannot be turned: {error}")
+        console.note(f"constants cannot be changed: {error}")
     _open(player, window, options.output)
     return GOOD if outcome.solution.status == "optimal" else BAD
 
 
 def _check(target: str, window: Window, live: bool) -> None:
-    """What can be told before anything is solved."""
+    """Checks before anything is solved."""
     from stc.viewer.addresses import LOOPBACK, is_loopback, require_address
     from stc.viewer.windows import require_display, studio_is_there
 
@@ -79,7 +79,7 @@ def _check(target: str, window: Window, live: bool) -> None:
     if not window.web:
         for option, value in (("--host", window.host), ("--port", window.port)):
             if value is not None:
-                raise UsageError(f"{option} belongs to --web")
+                raise UsageError(f"{option} can only be used with --web")
         require_display()
         return
     if not studio_is_there():
@@ -96,7 +96,7 @@ def _check(target: str, window: Window, live: bool) -> None:
 
 
 def _live(target: str, options: SolveOptions, window: Window) -> int:
-    """Show a solve; what it hands over is saved."""
+    """Show a solve in progress, and save its result."""
     from stc.cli.keeping import keep_inputs, keep_optimal
     from stc.optimizers import DEFAULT
     from stc.viewer.live import LiveSolve

@@ -8,10 +8,11 @@ or to link: a process that finds all its code on disk does without.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import itertools
 import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from stc.codegen import cache, machine
 from stc.codegen.image import MAGIC, MappedImage, image_of, map_image, supported
 from stc.codegen.sources import digest_of
 from stc.codegen.vector import WIDTH
+from stc.core import library as core
 from stc.errors import UsageError
 from stc.records import dataclass
 
@@ -274,23 +276,14 @@ def _linker() -> Any:
 
 @lru_cache(maxsize=1)
 def _stand_ins() -> dict[str, int]:
-    """Addresses of what images get instead of functions of the C library (see :mod:`stc.codegen.copying`)."""
-    from stc.codegen.copying import MODULE, REPLACED, SYMBOL  # which is loaded by what is in here
-
-    loaded = MODULE.load()
-    _never_unmapped.append(loaded)  # whatever is loaded later refers to it
-    return dict.fromkeys(REPLACED, loaded.address(SYMBOL))
+    """Addresses of what images get instead of functions of the C library (``stc/core/copy.c``)."""
+    address = ctypes.cast(core.library().copy_block, ctypes.c_void_p).value
+    assert address is not None
+    return dict.fromkeys(("memcpy", "memmove"), address)
 
 
-_never_unmapped: list[LoadedObject] = []
-
-
-def load_object(
-    code: bytes, symbols: Sequence[str], instead: Mapping[str, int] | None = None
-) -> LoadedObject:
+def load_object(code: bytes, symbols: Sequence[str]) -> LoadedObject:
     """Map object code, or the image of an object, into the process and resolve ``symbols``.
-
-    ``instead`` is for images (see ``map_image``); the functions of :mod:`stc.codegen.copying` when None.
 
     Raises:
         RuntimeError: neither of them, or a symbol is missing from it.
@@ -298,7 +291,7 @@ def load_object(
     if supported():
         image = code if code.startswith(MAGIC) else image_of(code)
         if image is not None:
-            return map_image(image, symbols, _stand_ins() if instead is None else instead)
+            return map_image(image, symbols, _stand_ins())
     llvm = _loaded_llvm()
 
     with compiler_lock:
@@ -314,8 +307,6 @@ def cached_object(
     make: Callable[[], bytes],
     *,
     use_cache: bool = True,
-    shipped: Callable[[], bytes | None] = lambda: None,
-    instead: Mapping[str, int] | None = None,
 ) -> tuple[LoadedObject, bool]:
     """Load object code from the cache, or make, keep and load it.
 
@@ -324,19 +315,17 @@ def cached_object(
         symbols: what to resolve.
         make: compiles.
         use_cache: False neither looks nor keeps.
-        shipped: what to load instead; None where the cache has to be asked.
-        instead: see :func:`load_object`.
 
     Returns:
         The loaded code, and whether it was found and not made.
     """
-    for find in (shipped, lambda: cache.load(key)) if use_cache else ():
-        code = find()
+    if use_cache:
+        code = cache.load(key)
         if code is not None:
             with contextlib.suppress(RuntimeError):  # whole by its checksum, and yet not linkable: replace it
-                return load_object(code, symbols, instead), True
+                return load_object(code, symbols), True
     made = make()
     code = (image_of(made) if supported() else None) or made
     if use_cache:
         cache.store(key, code)
-    return load_object(code, symbols, instead), False
+    return load_object(code, symbols), False

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 
 from stc.codegen import cache as object_cache
 from stc.codegen import engine, reference
-from stc.codegen.calls import Bound
 from stc.codegen.engine import LANES
 from stc.codegen.interpreter import CHUNK, Code, assemble
-from stc.codegen.interpreter import entry as interpreter_entry
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
+from stc.core import library as core
+from stc.core.calls import Bound
 from stc.memory import without_collection
 
 __all__ = ["LANES", "Kernel", "KernelSet", "compile_tapes"]
@@ -93,7 +93,7 @@ class Kernel:
             return Bound.of_native(self._packed, cells, (arrays, self._object))
         if self._code is not None:
             own, kept_alive = self._code.cells(self.tape, self.runs, self._takes_over, self._work)
-            return Bound.of_native(interpreter_entry(), [*cells, *own], (arrays, kept_alive, self))
+            return Bound.of_native(core.library().tape_run, [*cells, *own], (arrays, kept_alive, self))
         return Bound.of_python(self._run_numpy, arrays)
 
     def _checked(

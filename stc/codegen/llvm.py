@@ -27,8 +27,9 @@ from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.operations import WRITTEN_OUT, MathFunctions, Operations, function_length
 from stc.codegen.residency import Residency
 from stc.codegen.runs import RUN, Runs
-from stc.codegen.tape import CIRCULAR, READ, TOGETHER, Tape
+from stc.codegen.tape import CIRCULAR, TOGETHER, Tape
 from stc.codegen.vector import PREFETCH, Vector, hexadecimal, prefetch
+from stc.symbolic.tables import READ
 
 #: Operations per basic block.
 _PART: Final = 128

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Collection, Container, Hashable, Sequence
 from typing import Final
 
-from stc.codegen.tape import CLIP, REACHES, READ
 from stc.symbolic.expr import Expr
 from stc.symbolic.fingerprint import Fingerprint
 from stc.symbolic.tables import (
@@ -18,12 +17,15 @@ from stc.symbolic.tables import (
     BEGINS,
     BUCKET,
     BUCKETS,
+    CLIP,
     COEFFICIENTS,
     FIRST,
     LAST,
     LOWEST,
     ORDER,
     ORIGIN,
+    REACHES,
+    READ,
     ROW,
     SCALE,
     STEP,

@@ -15,9 +15,10 @@ from typing import Final
 from stc.codegen.fusion import Fused
 from stc.codegen.lookups import clip, places, reaches, read, read_run
 from stc.codegen.runs import RUN
-from stc.codegen.tape import CIRCULAR, CLIP, REACHES, READ, Tape
+from stc.codegen.tape import CIRCULAR, Tape
 from stc.codegen.vector import Vector
 from stc.codegen.vector_math import BINARY, UNARY, sine_cosine, sines_cosines
+from stc.symbolic.tables import CLIP, REACHES, READ
 
 _ARITHMETIC: Final = {
     "add": "fadd",

@@ -9,7 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stc.codegen.tape import CLIP, REACHES, READ, Tape
+from stc.codegen.tape import Tape
+from stc.symbolic.tables import CLIP, REACHES, READ
 from stc.symbolic.traverse import NUMPY_MEANING
 
 _CHUNK: Final = 4096

@@ -36,6 +36,7 @@ from typing import TYPE_CHECKING, Final
 
 from stc.records import dataclass
 from stc.symbolic.expr import FUNCTIONS, Expr, reachable
+from stc.symbolic.tables import CLIP, REACHES, READ
 
 if TYPE_CHECKING:
     from stc.codegen.lowering import Program
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
 OPERATORS: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
 """The operators of a tape that are arithmetic, and how many operands each takes."""
 
-CLIP, REACHES, READ = "clip", "reaches", "read"
 LOOKUPS: Final[dict[str, int]] = {CLIP: 2, REACHES: 2, READ: 2}
 """The others, which looking up a table takes.
 

@@ -20,12 +20,11 @@ import atexit
 import ctypes
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from stc.codegen.calls import Bound, chain, packed_address
-from stc.codegen.fixed import FixedModule
+from stc.core import library as core
+from stc.core.calls import Bound, chain, packed_address
 from stc.errors import UsageError
 
 __all__ = ["Record", "allowed", "limit", "parallel", "record", "spare"]
@@ -95,12 +94,8 @@ def _running() -> int:
 #: until it is tried the other way, and how many there are from one try to the next.
 Record = ctypes.Array[ctypes.c_int64]
 
-#: Fewest and most runs from one try of the other way to the next.  Each try that changes nothing doubles their number.
-#: A run that others hold up speaks against its way; short waits forgive that soon, where it was held up a little.
-_SHORTEST, _LONGEST = 8, 128
-
-#: Places in the mailbox (see :mod:`stc.codegen.threads_ir`).
-_ALIVE, _ALLOWED = 2, 4
+#: Runs until the other way is tried for the first time.
+_SHORTEST = 8
 
 
 def record() -> Record:
@@ -126,46 +121,44 @@ def parallel(phases: Sequence[Sequence[Bound]], known: Record | None = None) -> 
     if helper is None:
         return chain(calls)
     known = record() if known is None else known
-    cells = [ctypes.addressof(helper.mailbox), 0, 0, len(calls), ctypes.addressof(known), 0, 0, 0]
+    # See ``job`` in ``stc/core/calls.h``.
+    cells = [ctypes.addressof(helper.pool), 0, 0, len(calls), ctypes.addressof(known), 0, 0, 0]
     begun = 0
     for phase in phases:
         for call in phase:
             cells += [packed_address(call), call.args[0], begun]
         begun += len(phase)
-    return Bound.of_native(helper.run, cells, (calls, helper, known))
+    return Bound.of_native(core.library().job_run, cells, (calls, helper, known))
 
 
 class _Helper:
-    """The second thread, and the memory through which it is asked."""
+    """The second thread."""
 
     def __init__(self) -> None:
-        self.code = MODULE.load()
-        entry = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
-        self.run: Callable[..., Any] = entry(self.code.address("run"))
-        self._serve = entry(self.code.address("serve"))
-        self._stop = entry(self.code.address("stop"))
-        self.mailbox = (ctypes.c_int64 * 64)()
-        entry(self.code.address("prepare"))(ctypes.addressof(self.mailbox))
+        made = core.library().pool_new()
+        if not made:
+            raise RuntimeError("there are no POSIX threads")
+        self.pool: core.Pool = made.contents
         self._thread = threading.Thread(target=self._work, name="stc-second", daemon=True)
         self._thread.start()
         atexit.register(self.stop)
 
     def _work(self) -> None:
-        self._serve(ctypes.addressof(self.mailbox))
+        core.library().pool_serve(self.pool)
 
     def allow(self, wanted: bool) -> None:
         """Whether calls may make use of the thread from now on."""
-        self.mailbox[_ALLOWED] = int(wanted)
+        self.pool.allowed = int(wanted)
 
     def stop(self) -> None:
         """Ends the thread; calls go on without it."""
-        if self.mailbox[_ALIVE]:
-            self._stop(ctypes.addressof(self.mailbox))
+        if self.pool.alive:
+            core.library().pool_stop(self.pool)
             self._thread.join(1.0)
 
     def forget(self) -> None:
         """In a child process, which has no second thread."""
-        self.mailbox[_ALIVE] = 0
+        self.pool.alive = 0
 
 
 _found: list[_Helper | None] = []
@@ -184,12 +177,3 @@ def _helper() -> _Helper | None:
                 if hasattr(os, "register_at_fork"):
                     os.register_at_fork(after_in_child=helper.forget)
         return _found[0]
-
-
-def _ir() -> str:
-    from stc.codegen.threads_ir import module_text  # hardly a process needs it
-
-    return module_text(_SHORTEST, _LONGEST)
-
-
-MODULE = FixedModule("threads", ("prepare", "serve", "run", "stop"), _ir)

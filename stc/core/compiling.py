@@ -1,4 +1,4 @@
-"""Compiles the core's shared library: at installation, and never afterwards.
+"""Compiles the core's shared libraries: at installation, and never afterwards.
 
 This file imports nothing of the package, since the build backend loads it before there is one.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import re
 import shlex
 import shutil
 import subprocess
@@ -16,38 +17,111 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-__all__ = ["LIBRARY", "compile_library", "digest_of_sources", "own_compiler"]
+__all__ = [
+    "compile_libraries",
+    "digest_of_sources",
+    "entries_text",
+    "file_of",
+    "instructions",
+    "own_compiler",
+]
 
 FOLDER = Path(__file__).parent
-LIBRARY = (
-    "libkkt.dll" if sys.platform == "win32" else "libkkt.dylib" if sys.platform == "darwin" else "libkkt.so"
-)
+SUFFIX = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
 
-#: What is compiled for each instruction set, chosen when the library is loaded: whether products and sums are
-#: contracted to multiply-adds, and what a processor has to have.
-NUMERIC = "numeric.c"
+#: Instruction sets, each with a library of its own: what a processor has to have.
 INSTRUCTIONS = {
-    "baseline": (["-ffp-contract=off"], []),
-    "avx2": (["-ffp-contract=fast"], ["avx2", "fma"]),
-    "avx512": (["-ffp-contract=fast"], ["avx2", "fma", "avx512f", "avx512dq", "avx512vl"]),
+    "baseline": [],
+    "avx2": ["avx2", "fma", "bmi", "bmi2", "popcnt"],
+    "avx512": ["avx2", "fma", "bmi", "bmi2", "popcnt", "avx512f", "avx512dq", "avx512vl"],
 }
-FLAGS = ["-std=c11", "-O3", "-fPIC", "-fvisibility=hidden", "-Wno-unknown-pragmas"]
+FLAGS = [
+    "-std=c11", "-O3", "-fPIC", "-fvisibility=hidden", "-fno-math-errno", "-fno-trapping-math", "-fopenmp-simd",
+    "-Wno-unknown-pragmas", "-Wno-psabi",
+]  # fmt: skip
+#: Products and sums are rounded as they are written, so that results are the same on all processors, but for inner
+#: loops, where they are contracted to multiply-adds.
+CONTRACTED = {
+    "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions", "elastic",
+    "gather", "kernels", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "panel", "segmented_parts",
+    "segmented_passes", "step", "substitution", "values", "window",
+}  # fmt: skip
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));
-int main(int n, char **a) { lanes x = {n, n}; (void)a; return sqrt((x + x)[0]) == sqrt(2.0) ? 0 : 1; }
+int main(int n, char **a) {
+    lanes x = {n, n}, y = __builtin_shufflevector(x, x, 1, 2);
+    (void)a;
+    return sqrt((x + y)[0]) == sqrt(2.0) ? 0 : 1;
+}
 """
 
 
-def _is_x86() -> bool:
+def is_x86() -> bool:
+    """Whether this machine has several of the instruction sets."""
     return platform.machine().lower() in ("x86_64", "amd64")
 
 
+def instructions() -> list[str]:
+    """The names of the instruction sets that libraries are compiled for."""
+    return list(INSTRUCTIONS) if is_x86() else ["baseline"]
+
+
+def file_of(kind: str) -> str:
+    """What the library for an instruction set is called."""
+    return f"libcore_{kind}.{SUFFIX}"
+
+
+def sources() -> list[Path]:
+    """All files that the libraries are made from."""
+    return sorted([*FOLDER.rglob("*.c"), *FOLDER.rglob("*.h"), Path(__file__)])
+
+
 def digest_of_sources() -> str:
-    """What the library was made from, and is compared with in a checkout."""
+    """What the libraries were made from, and are compared with in a checkout."""
     digest = hashlib.blake2b(digest_size=16)
-    for path in sorted([*FOLDER.glob("*.c"), *FOLDER.glob("*.h"), Path(__file__)]):
+    for path in sources():
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
+
+
+#: Kinds of arguments, as signatures tell them to Python, and how each one is read from its cell.
+_KINDS = {
+    "int64_t": ("i", "i"), "double": ("d", "d"), "double *": ("D", "p"), "int32_t *": ("I", "p"),
+    "int64_t *": ("L", "p"),
+}  # fmt: skip
+_RESULTS = {"void": "v", "int64_t": "i", "double": "d"}
+_DECLARED = re.compile(r"^API (void|int64_t|double) (\w+)\(([^)]*)\);", re.MULTILINE)
+_PARAMETER = re.compile(r"(?:const )?(\w+ \*?)(?:restrict )?(\w+)")
+
+
+def entries_text() -> str:
+    """C source of the entries for prepared calls, of each function that a header declares as API, and of signatures.
+
+    Functions that are called otherwise (from ``kkt.h``) have parameters of other types, and get none.
+    """
+    parts = ["/* Written when the library is compiled: see compiling.py. */\n", '#include "native.h"\n']
+    for header in sorted(FOLDER.rglob("*.h")):
+        found = _DECLARED.findall(header.read_text(encoding="utf-8"))
+        made = []
+        for result, name, listed in found:
+            arguments, signature = [], []
+            for k, text in enumerate(filter(None, (part.strip() for part in listed.split(",")))):
+                match = _PARAMETER.fullmatch(" ".join(text.split()))
+                kind = _KINDS.get(match[1].strip()) if match else None
+                if match is None or kind is None:
+                    break
+                signature.append(f"{match[2]} {kind[0]}")
+                arguments.append(f"cells[{k}].{kind[1]}")
+            else:
+                call = f"{name}({', '.join(arguments)});"
+                made.append(
+                    f"API {result} {name}_cells(const cell *cells) "
+                    f"{{ {'' if result == 'void' else 'return '}{call} }}\n"
+                    f'API const char {name}_signature[] = "{_RESULTS[result]},{",".join(signature)}";\n'
+                )
+        if made:
+            parts += [f'#include "{header.relative_to(FOLDER).as_posix()}"\n', *made]
+    return "".join(parts)
 
 
 def own_compiler() -> list[str] | None:
@@ -72,7 +146,7 @@ def own_compiler() -> list[str] | None:
 def _packaged_compiler() -> list[str]:
     """The one of the package ``ziglang``, for the plainest processor of this kind."""
     if sys.platform == "linux":
-        target = ["-target", f"{'x86_64' if _is_x86() else 'aarch64'}-linux-gnu.2.17"]
+        target = ["-target", f"{'x86_64' if is_x86() else 'aarch64'}-linux-gnu.2.17"]
     else:
         target = []
     return [sys.executable, "-m", "ziglang", "cc", *target]
@@ -80,22 +154,26 @@ def _packaged_compiler() -> list[str]:
 
 def _flags_of(kind: str, packaged: bool) -> list[str]:
     """Of an instruction set: never those of the machine at hand, since the library may go to another one."""
-    flags, features = INSTRUCTIONS[kind]
+    features = INSTRUCTIONS[kind]
+    wide = ["-mprefer-vector-width=512"] if "avx512f" in features else []
     if not packaged:  # some are configured for a later processor than the plainest
-        plainest = ["-march=x86-64"] if _is_x86() else []
-        return [*flags, *plainest, *(f"-m{feature}" for feature in features)]
-    wide = ["evex512"] if "avx512f" in features else []
-    return [*flags, f"-mcpu={'+'.join(['baseline', *features, *wide])}"]
+        plainest = ["-march=x86-64"] if is_x86() else []
+        return [*plainest, *(f"-m{feature}" for feature in features), *wide]
+    named = [*features, *(["evex512"] if wide else [])]
+    return [f"-mcpu={'+'.join(['baseline', *named])}", *wide]
 
 
-def compile_library(target: Path, scratch: Path, flags: list[str] | None = None) -> None:
+def compile_libraries(
+    target: Path, scratch: Path, flags: list[str] | None = None, kinds: list[str] | None = None
+) -> None:
     """Compile the sources of this folder.
 
     Parameters
     ----------
-    target : the folder that the library goes to.
+    target : the folder that the libraries go to.
     scratch : a folder for what is needed on the way; it is made.
     flags : further ones: sanitizers, for tests.
+    kinds : the instruction sets; by default all that machines of this kind may have.
 
     Raises
     ------
@@ -104,37 +182,69 @@ def compile_library(target: Path, scratch: Path, flags: list[str] | None = None)
     own = own_compiler()
     compiler = own or _packaged_compiler()
     scratch.mkdir(parents=True, exist_ok=True)
+    entries = scratch / "entries.c"
+    entries.write_text(entries_text(), encoding="utf-8")
     environment = {
         **os.environ,
         "ZIG_GLOBAL_CACHE_DIR": str(scratch / "zig"),
         "ZIG_LOCAL_CACHE_DIR": str(scratch / "zig"),
     }
-    more = [*(flags or []), *(["-DKKT_X86"] if _is_x86() else []), f'-DKKT_SOURCES="{digest_of_sources()}"']
+    # Loops that copy or clear stay loops: most are for a few dozen bytes, where calling the C library takes longer.
+    in_place = (
+        ["-fno-builtin-memcpy", "-fno-builtin-memset"]
+        if own is None
+        else ["-fno-tree-loop-distribute-patterns"]
+    )
+    more = [*(["-DCORE_X86"] if is_x86() else []), f"-I{FOLDER}"]
+    headers = b"".join(path.read_bytes() for path in sources() if path.suffix == ".h")
 
     def run(command: list[str]) -> None:
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
         if done.returncode:
             raise RuntimeError(f"{shlex.join(command)} failed:\n{done.stderr}")
 
+    def make(source: Path, options: list[str], made: Path) -> None:
+        """Compile a file, unless that was done before with the same headers and options."""
+        digest = hashlib.blake2b(f"{compiler} {options}".encode() + headers + source.read_bytes()).hexdigest()
+        note = made.with_suffix(".made")
+        if not (made.exists() and note.exists() and note.read_text() == digest):
+            run([*compiler, *options, "-c", str(source), "-o", str(made)])
+            note.write_text(digest)
+
+    built: dict[str, list[str]] = {}
     jobs = []
-    for source in sorted(FOLDER.glob("*.c")):
-        kinds = list(INSTRUCTIONS) if source.name == NUMERIC and _is_x86() else ["baseline"]
-        for kind in kinds:
-            built = scratch / f"{source.stem}_{kind}.o"
-            named = (
-                [f"-DNUMERIC=numeric_{kind}", f'-DNUMERIC_NAME="{kind}"'] if source.name == NUMERIC else []
-            )
-            options = [*FLAGS, *_flags_of(kind, own is None), *named, *more]
-            jobs.append((built, [*compiler, *options, "-c", str(source), "-o", str(built)]))
+    # The largest first, so that no processor is left with one of them at the end.
+    files = sorted([*FOLDER.rglob("*.c"), entries], key=lambda path: -path.stat().st_size)
+    for source in files:
+        for kind in kinds or instructions():
+            made = scratch / f"{source.stem}_{kind}.o"
+            built.setdefault(kind, []).append(str(made))
+            arithmetic = f"-ffp-contract={'fast' if source.stem in CONTRACTED else 'off'}"
+            options = [*FLAGS, *in_place, arithmetic, *_flags_of(kind, own is None), *more, *(flags or [])]
+            if source.stem == "processor":
+                options.append(f'-DCORE_SOURCES="{digest_of_sources()}"')
+            jobs.append((source, options, made))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(run, (command for _, command in jobs)))
-    made = scratch / LIBRARY
-    run([*compiler, "-shared", *(flags or []), "-o", str(made), *(str(built) for built, _ in jobs), "-lm"])
+        list(pool.map(make, *zip(*jobs, strict=True)))
     target.mkdir(parents=True, exist_ok=True)
-    fresh = target / f"{LIBRARY}.new"
-    shutil.copyfile(made, fresh)
-    fresh.replace(target / LIBRARY)  # whoever has the old one loaded keeps it
+    for kind, objects in built.items():
+        linked = scratch / file_of(kind)
+        run(
+            [
+                *compiler,
+                "-shared",
+                *(flags or []),
+                "-o",
+                str(linked),
+                *objects,
+                "-lm",
+                *(["-pthread"] if os.name == "posix" else []),
+            ]
+        )
+        fresh = target / f"{linked.name}.new"
+        shutil.copyfile(linked, fresh)
+        fresh.replace(target / linked.name)  # whoever has the old one loaded keeps it
 
 
 if __name__ == "__main__":
-    compile_library(FOLDER, FOLDER.parents[1] / "build" / "core")
+    compile_libraries(FOLDER, FOLDER.parents[1] / "build" / "core")

@@ -81,19 +81,26 @@ static void subtract_panel(front *f, int32_t begin, int32_t count, int32_t from)
     }
 }
 
-/* Column c as it is after the pivots of the panel, from row `from` to the end of the front: into `column`. */
-static void bring_column(const front *f, int32_t begin, int32_t from, int32_t c, double *restrict column) {
-    int32_t stride = f->stride, count = from - begin;
-    const double *l = f->at + (int64_t)begin * stride, *w = f->panel + c;
-    for (int32_t j = from; j < c; j++) {
-        double sum = f->at[c + (int64_t)j * stride];
-        column[j] = sum;
+/* Column c as it is after the pivots of the panel, from row `from` to the end of the front: into `column`.  The largest
+ * magnitude below row `from`. */
+static double bring_column(const front *f, int32_t begin, int32_t from, int32_t c, double *restrict column) {
+    int32_t stride = f->stride, count = from - begin, i = from - from % LANES;
+    const double *l = f->at + (int64_t)begin * stride, *w = f->panel + c, *given = f->at + (int64_t)c * stride;
+    if (c > from) { /* rows above the diagonal are in the columns of theirs */
+        for (int32_t j = from; j < c; j++) column[j] = f->at[c + (int64_t)j * stride];
+        for (int32_t j = c; j < stride; j++) column[j] = given[j];
+        given = column;
     }
-    memcpy(column + c, f->at + c + (int64_t)c * stride, sizeof(double) * (size_t)(stride - c));
-    int32_t i = from - from % LANES;
-    for (; i + 4 * LANES <= stride; i += 4 * LANES) {
-        lanes a = *(lanes *)(column + i), b = *(lanes *)(column + i + LANES);
-        lanes d = *(lanes *)(column + i + 2 * LANES), e = *(lanes *)(column + i + 3 * LANES);
+    lanes most = {0}, second = {0}, a = *(const lanes *)(given + i);
+    for (int32_t p = 0; p < count; p++)
+        a -= *(const lanes *)(l + (int64_t)p * stride + i) * all_of(w[(int64_t)p * stride]);
+    *(lanes *)(column + i) = a;
+    double highest = 0.0;
+    for (int k = from - i + 1; k < LANES; k++) highest = fabs(a[k]) > highest ? fabs(a[k]) : highest;
+    for (i += LANES; i + 4 * LANES <= stride; i += 4 * LANES) {
+        a = *(const lanes *)(given + i);
+        lanes b = *(const lanes *)(given + i + LANES);
+        lanes d = *(const lanes *)(given + i + 2 * LANES), e = *(const lanes *)(given + i + 3 * LANES);
         for (int32_t p = 0; p < count; p++) {
             const double *rows = l + (int64_t)p * stride + i;
             lanes factor = all_of(w[(int64_t)p * stride]);
@@ -106,13 +113,19 @@ static void bring_column(const front *f, int32_t begin, int32_t from, int32_t c,
         *(lanes *)(column + i + LANES) = b;
         *(lanes *)(column + i + 2 * LANES) = d;
         *(lanes *)(column + i + 3 * LANES) = e;
+        most = larger_of(larger_of(magnitude_of(a), magnitude_of(b)), most);
+        second = larger_of(larger_of(magnitude_of(d), magnitude_of(e)), second);
     }
     for (; i < stride; i += LANES) {
-        lanes a = *(lanes *)(column + i);
+        a = *(const lanes *)(given + i);
         for (int32_t p = 0; p < count; p++)
             a -= *(const lanes *)(l + (int64_t)p * stride + i) * all_of(w[(int64_t)p * stride]);
         *(lanes *)(column + i) = a;
+        most = larger_of(magnitude_of(a), most);
     }
+    most = larger_of(most, second);
+    for (int k = 0; k < LANES; k++) highest = most[k] > highest ? most[k] : highest;
+    return highest;
 }
 
 /* Exchange unknowns a < b of the front, none eliminated yet; pivots of the panel begin at `begin`, `count` of them. */
@@ -217,8 +230,7 @@ static void eliminate(front *f) {
                 refused = -1;
             }
         }
-        bring_column(f, begin, k, k, column);
-        double d = column[k], beside = largest_of(column + k + 1, f->size - k - 1);
+        double beside = bring_column(f, begin, k, k, column), d = column[k];
         if (beside > f->largest) f->largest = beside;
         if (fabs(d) <= NOTHING && beside <= NOTHING) {
             int variable = f->order[f->index[k]] < f->variables;

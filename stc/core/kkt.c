@@ -1,4 +1,4 @@
-/* The life of a system, its plan, and the choice of the instruction set. */
+/* The life of a system, and its plan. */
 #include "kkt.h"
 
 #include <math.h>
@@ -6,10 +6,6 @@
 #include <string.h>
 
 #include "system.h"
-
-#if defined(KKT_X86)
-#include <cpuid.h>
-#endif
 
 /* A plan is made anew, from the values at hand, where delayed pivots have cost so many times the planned operations in
  * all, and twice as much each time: some matrices suit no plan. */
@@ -47,49 +43,6 @@ static void arena_free(arena *a) {
 #endif
     a->at = NULL;
     a->room = 0;
-}
-
-/* --- The instruction set. */
-
-#if defined(KKT_X86)
-static int has(const char *name) {
-    unsigned a, b, c, d, low, high;
-    if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & bit_OSXSAVE) || !(c & bit_FMA)) return 0;
-    __asm__("xgetbv" : "=a"(low), "=d"(high) : "c"(0));
-    if ((low & 6) != 6 || !__get_cpuid_count(7, 0, &a, &b, &c, &d) || !(b & bit_AVX2)) return 0;
-    if (!strcmp(name, "avx2")) return 1;
-    return (low & 0xe6) == 0xe6 && (b & bit_AVX512F) && (b & bit_AVX512DQ) && (b & bit_AVX512VL);
-}
-#endif
-
-static const numeric *chosen;
-
-static const numeric *numbers(void) {
-    if (!chosen) {
-        chosen = &numeric_baseline;
-#if defined(KKT_X86)
-        if (has("avx2")) chosen = &numeric_avx2;
-        if (has("avx512")) chosen = &numeric_avx512;
-#endif
-    }
-    return chosen;
-}
-
-const char *kkt_instructions(void) { return numbers()->name; }
-
-#if !defined(KKT_SOURCES)
-#define KKT_SOURCES ""
-#endif
-
-const char *kkt_sources(void) { return KKT_SOURCES; }
-
-int kkt_use(const char *name) {
-    if (!strcmp(name, "baseline")) { chosen = &numeric_baseline; return 0; }
-#if defined(KKT_X86)
-    if (!strcmp(name, "avx2") && has(name)) { chosen = &numeric_avx2; return 0; }
-    if (!strcmp(name, "avx512") && has(name)) { chosen = &numeric_avx512; return 0; }
-#endif
-    return -1;
 }
 
 /* --- Memory. */
@@ -268,10 +221,10 @@ int64_t kkt_refactor(kkt *const *system) {
         s->options.replan = 0;
         if (make_plan(s)) return KKT_NO_MEMORY;
     }
-    numbers()->load(s, &finite);
+    load_values(s, &finite);
     if (!finite) return KKT_NOT_FINITE;
     s->facts.factorizations++;
-    int64_t ended = numbers()->refactor(s);
+    int64_t ended = factorize_all(s);
     if (ended == KKT_NO_MEMORY) return ended;
     s->wasted += (double)(s->facts.operations - s->plan->operations);
     s->arrays.accuracy[0] = s->options.fine;
@@ -281,12 +234,12 @@ int64_t kkt_refactor(kkt *const *system) {
 
 int64_t kkt_solve(kkt *const *system) {
     if (!(*system)->factorized) return -1;
-    numbers()->solve(*system, 0);
+    solve_system(*system, 0);
     return 0;
 }
 
 int64_t kkt_solve_both(kkt *const *system) {
     if (!(*system)->factorized) return -1;
-    numbers()->solve(*system, 1);
+    solve_system(*system, 1);
     return 0;
 }

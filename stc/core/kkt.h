@@ -23,13 +23,7 @@
 #ifndef STC_KKT_H
 #define STC_KKT_H
 
-#include <stdint.h>
-
-#if defined(_WIN32)
-#define KKT_API __declspec(dllexport)
-#else
-#define KKT_API __attribute__((visibility("default")))
-#endif
+#include "native.h"
 
 /* What the functions below return. */
 enum {
@@ -83,21 +77,14 @@ typedef struct {
 typedef struct kkt kkt;
 
 /* NULL where there is no memory. */
-KKT_API kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays);
-KKT_API void kkt_free(kkt *system);
-KKT_API kkt_options *kkt_options_of(kkt *system);
-KKT_API const kkt_facts *kkt_facts_of(const kkt *system);
+API kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays);
+API void kkt_free(kkt *system);
+API kkt_options *kkt_options_of(kkt *system);
+API const kkt_facts *kkt_facts_of(const kkt *system);
 
 /* These take the address of a pointer, so that a prepared call is one cell of memory. */
-KKT_API int64_t kkt_refactor(kkt *const *system);
-KKT_API int64_t kkt_solve(kkt *const *system);
-KKT_API int64_t kkt_solve_both(kkt *const *system);
-
-/* The instruction set in use: "baseline", "avx2" or "avx512"; kkt_use chooses one by name, for tests: 0, or -1 where
- * the processor lacks it. */
-KKT_API const char *kkt_instructions(void);
-KKT_API int kkt_use(const char *name);
-/* A digest of the sources that the library was compiled from. */
-KKT_API const char *kkt_sources(void);
+API int64_t kkt_refactor(kkt *const *system);
+API int64_t kkt_solve(kkt *const *system);
+API int64_t kkt_solve_both(kkt *const *system);
 
 #endif

@@ -1,18 +1,22 @@
-"""The core's shared library, loaded: its structs and functions as ``kkt.h`` declares them."""
+"""The core's shared library, loaded: the structs and functions that ``kkt.h`` and ``calls.h`` declare.
+
+There is one library for each instruction set (``stc/core/processor.h``); the best that the processor has is taken.
+What else is in it is called through :mod:`stc.core.functions`.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import functools
+import os
 import sys
-from pathlib import Path
 
 from stc.errors import StcError
 
-__all__ = ["Arrays", "Facts", "Options", "Pattern", "is_there", "library"]
+__all__ = ["Arrays", "Facts", "Options", "Pattern", "Pool", "instructions", "library"]
 
-FOLDER = Path(__file__).parent
-LIBRARY = FOLDER / f"libkkt.{ {'win32': 'dll', 'darwin': 'dylib'}.get(sys.platform, 'so') }"
+FOLDER = os.path.dirname(__file__)  # noqa: PTH120 (making a Path takes as long as loading a library)
+SUFFIX = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
 REBUILD = "python stc/core/compiling.py makes it anew, as does pip install"
 _int32s = ctypes.c_void_p
 _doubles = ctypes.c_void_p
@@ -70,30 +74,55 @@ class Facts(ctypes.Structure):
     ]  # fmt: skip
 
 
-def is_there() -> bool:
-    """Whether the library was compiled when the package was installed."""
-    return LIBRARY.exists()
+class Pool(ctypes.Structure):
+    """See ``pool``."""
+
+    _fields_ = [("offered", ctypes.c_void_p)] + [
+        (name, ctypes.c_int64) for name in ("active", "alive", "offers", "allowed")
+    ]
+
+
+def _loaded(kind: str) -> ctypes.CDLL:
+    """The library for one instruction set.
+
+    Raises
+    ------
+    StcError : it cannot be loaded.
+    """
+    try:
+        return ctypes.CDLL(f"{FOLDER}/libcore_{kind}.{SUFFIX}")
+    except OSError as error:
+        raise StcError(f"the numerical core cannot be loaded ({error}): {REBUILD}") from None
 
 
 @functools.cache
-def library() -> ctypes.CDLL:
+def instructions() -> str:
+    """The best instruction set of this processor: ``baseline``, ``avx2`` or ``avx512``."""
+    best = _loaded("baseline").core_best_instructions
+    best.restype = ctypes.c_char_p
+    return str(best().decode())
+
+
+@functools.cache
+def library(kind: str | None = None) -> ctypes.CDLL:
     """The library, its functions typed.
+
+    Parameters
+    ----------
+    kind : the instruction set, which the processor must have; the best one by default.
 
     Raises
     ------
     StcError : it cannot be loaded, or was compiled from other sources than those that are there.
     """
-    try:
-        loaded = ctypes.CDLL(str(LIBRARY))
-    except OSError as error:
-        raise StcError(f"the numerical core cannot be loaded ({error}): {REBUILD}") from None
-    loaded.kkt_sources.restype = ctypes.c_char_p
-    if (FOLDER / "kkt.h").exists():  # a checkout: an installed package has no sources
+    loaded = _loaded(kind or instructions())
+    loaded.core_sources.restype = ctypes.c_char_p
+    if _may_be_stale(loaded._name):
         from stc.core.compiling import digest_of_sources
 
-        if loaded.kkt_sources().decode() != digest_of_sources():
-            raise StcError(f"the numerical core ({LIBRARY}) is older than its sources: {REBUILD}")
-    call = ctypes.c_void_p
+        if loaded.core_sources().decode() != digest_of_sources():
+            raise StcError(f"the numerical core ({loaded._name}) is older than its sources: {REBUILD}")
+    call, pool = ctypes.c_void_p, ctypes.POINTER(Pool)
     for name, result, arguments in (
         ("kkt_new", ctypes.c_void_p, [ctypes.POINTER(Pattern), ctypes.POINTER(Arrays)]),
         ("kkt_free", None, [ctypes.c_void_p]),
@@ -102,9 +131,31 @@ def library() -> ctypes.CDLL:
         ("kkt_refactor", ctypes.c_int64, [call]),
         ("kkt_solve", ctypes.c_int64, [call]),
         ("kkt_solve_both", ctypes.c_int64, [call]),
-        ("kkt_instructions", ctypes.c_char_p, []),
-        ("kkt_use", ctypes.c_int, [ctypes.c_char_p]),
+        ("chain_run", ctypes.c_int64, [call]),
+        ("job_run", ctypes.c_int64, [call]),
+        ("tape_run", ctypes.c_int64, [call]),
+        ("tape_instructions", ctypes.c_char_p, []),
+        ("pool_new", pool, []),
+        ("copy_block", call, [call, call, ctypes.c_size_t]),
     ):
         function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments
+    if sys.platform != "win32":
+        for function in (loaded.pool_serve, loaded.pool_stop):
+            function.restype, function.argtypes = None, [pool]
     return loaded
+
+
+def _may_be_stale(library: str) -> bool:
+    """Whether a source has been written since a library was: never of an installed package, which has none."""
+    compiled = os.stat(library).st_mtime_ns  # noqa: PTH116
+    folders = [FOLDER]
+    for folder in folders:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if entry.name.endswith((".c", ".h")) or entry.name == "compiling.py":
+                    if entry.stat().st_mtime_ns > compiled:
+                        return True
+                elif "." not in entry.name and not entry.name.startswith("_"):
+                    folders.append(entry.path)
+    return False

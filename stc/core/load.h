@@ -68,7 +68,7 @@ static void equilibrate(kkt *s) {
 }
 
 /* Values of H, J, p and d to their places, not scaled yet. */
-static void load_values(kkt *s, int *finite) {
+void load_values(kkt *s, int *finite) {
     const double *hess = s->arrays.hess, *jac = s->arrays.jac - s->hess_count;
     double check = 0.0;
     for (int32_t k = 0; k < s->size; k++) {

@@ -16,6 +16,19 @@ static inline int32_t stride_of(int32_t size) {
 /* Columns of a front that there is memory for: whole tiles are written. */
 static inline int64_t columns_of(int32_t size) { return padded(size); }
 
+/* What a child has left is added run by run, where unknowns that follow one another in it do so in its parent in runs of
+ * so many on average, else one by one. */
+#define LONG_RUN 12
+
+/* Whole vectors from column j of a lower triangle on: what is above its diagonal is never read. */
+static inline void clear_column(double *to, int32_t from, int32_t stride) {
+    for (int32_t i = from - from % LANES; i < stride; i += LANES) *(lanes *)(to + i) = (lanes){0};
+}
+
+static inline void copy_column(double *restrict to, const double *restrict given, int32_t from, int32_t size) {
+    for (int32_t i = from - from % LANES; i < size; i += LANES) *(lanes *)(to + i) = *(const lanes *)(given + i);
+}
+
 /* Add what a child has left, `place` saying where each of its unknowns is; `runs` is work space. */
 static void add_contribution(double *restrict at, int64_t stride, const double *restrict given, const contribution *c,
                              const int32_t *restrict place, int32_t *restrict runs) {
@@ -23,6 +36,14 @@ static void add_contribution(double *restrict at, int64_t stride, const double *
     for (int32_t i = 0; i < size; i++)
         if (i == 0 || place[i] != place[i - 1] + 1) runs[count++] = i;
     runs[count] = size;
+    if (size < LONG_RUN * count) {
+        for (int32_t j = 0; j < size; j++) {
+            double *to = at + place[j] * stride;
+            const double *from = given + (int64_t)j * c->stride;
+            for (int32_t i = j; i < size; i++) to[place[i]] += from[i];
+        }
+        return;
+    }
     for (int32_t j = 0, first = 0; j < size; j++) {
         double *to = at + place[j] * stride;
         const double *from = given + (int64_t)j * c->stride;
@@ -58,7 +79,7 @@ static int reserve(kkt *s, int32_t size, int64_t factors_used, int64_t stack_use
     return 0;
 }
 
-static int64_t factorize_all(kkt *s) {
+int64_t factorize_all(kkt *s) {
     const plan *p = s->plan;
     int64_t factors_used = 0, stack_used = 0, index_used = 0, entries = 0, operations = 0, delayed_in_all = 0;
     int32_t waiting = 0, pivots = 0, widest = 0;
@@ -78,10 +99,7 @@ static int64_t factorize_all(kkt *s) {
         f.inverse = s->inverse + 3 * (int64_t)pivots;
         f.kind = s->kind + pivots;
         f.panel = s->panel.at;
-        for (int32_t j = 0; j < columns_of(size); j++) {
-            int32_t from = j & ~7;
-            memset(f.at + (int64_t)j * stride + from, 0, sizeof(double) * (size_t)(stride - from));
-        }
+        for (int32_t j = 0; j < columns_of(size); j++) clear_column(f.at + (int64_t)j * stride, j & ~7, stride);
         for (int32_t k = 0; k < own; k++) f.index[delayed + k] = first + k;
         memcpy(f.index + f.summed, p->rows + p->row_start[at], sizeof(int32_t) * (size_t)rows);
         for (int32_t k = 0; k < own; k++) {
@@ -138,8 +156,8 @@ static int64_t factorize_all(kkt *s) {
             c->index_at = kept->index_at + taken;
             c->front = at;
             for (int32_t j = 0; j < c->size; j++)
-                memcpy(s->stack.at + stack_used + (int64_t)j * c->stride + j,
-                       f.at + (int64_t)(taken + j) * stride + taken + j, sizeof(double) * (size_t)(c->size - j));
+                copy_column(s->stack.at + stack_used + (int64_t)j * c->stride, f.at + (int64_t)(taken + j) * stride + taken,
+                            j, c->size);
             stack_used += (int64_t)c->stride * c->size;
         }
     }

@@ -1,7 +1,5 @@
-/* Everything that works on numbers, compiled once for each instruction set: NUMERIC is the name of its table. */
+/* Everything that works on numbers, in one unit, since its inner loops are to be copied into their callers. */
 #include "front.h"
 #include "load.h"
 #include "multifrontal.h"
 #include "substitute.h"
-
-const numeric NUMERIC = {NUMERIC_NAME, factorize_all, load_values, solve_system};

@@ -186,7 +186,7 @@ static void improve(const kkt *s, unknowns *u, int64_t steps) {
     memcpy(u->change, left, sizeof(double) * (size_t)s->size);
 }
 
-static void solve_system(kkt *s, int both) {
+void solve_system(kkt *s, int both) {
     unknowns one = {s->arrays.rhs, s->arrays.solution, s->vector[0], s->vector[1], s->vector[2], 0.0, 0.0, 0};
     unknowns two = {s->arrays.second_rhs, s->arrays.second_solution, s->vector[3], s->vector[4], s->vector[5], 0.0, 0.0, 0};
     int64_t steps = 0;

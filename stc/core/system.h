@@ -57,18 +57,10 @@ struct kkt {
 
 enum { ONE = 1, FIRST = 2, SECOND = 3 };
 
-/* The parts that are compiled for several instruction sets. */
-typedef struct {
-    const char *name;
-    int64_t (*refactor)(kkt *); /* with a plan and loaded values */
-    void (*load)(kkt *, int *finite);
-    void (*solve)(kkt *, int both);
-} numeric;
-
-extern const numeric numeric_baseline;
-#ifdef KKT_X86
-extern const numeric numeric_avx2, numeric_avx512;
-#endif
+/* What works on numbers (numeric.c): with a plan, values are loaded, then factorised, then solved with. */
+int64_t factorize_all(kkt *s);
+void load_values(kkt *s, int *finite);
+void solve_system(kkt *s, int both);
 
 /* At least so much room; what is in it stays where `kept` numbers are asked for.  0, or -1. */
 int arena_reserve(arena *a, int64_t room, int64_t kept);

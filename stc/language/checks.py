@@ -1,4 +1,4 @@
-"""Warnings about a problem that is sound but perhaps not meant."""
+"""Warnings about a problem that is valid but probably not intended."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Place = tuple[int, int]
 def warn(
     problem: Problem, table: NameTable, first_use: Mapping[tuple[str, int], Place], diagnostics: Diagnostics
 ) -> None:
-    """Note every warning; ``first_use`` tells where the text has a derivative of a variable first."""
+    """Add all warnings; ``first_use`` gives the first position of each derivative of a variable in the text."""
     orders = derivative_orders(problem)
     _unused(table, diagnostics)
     _parameter_sums(problem, diagnostics)

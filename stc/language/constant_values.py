@@ -12,7 +12,7 @@ from stc.language.names import collect_names
 
 
 def constant_values(tree: syntax.SpecTree, overrides: Mapping[str, float]) -> dict[str, float]:
-    """Every constant's value: those given, those of the file, and those that follow from them.
+    """The value of every constant: given by the caller, from the file, or computed from others.
 
     Raises:
         SpecError: a constant has no value.

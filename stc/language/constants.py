@@ -1,4 +1,4 @@
-"""The values of constants: from the file, from outside, and from each other."""
+"""The values of constants: from the file, from the caller, and from each other."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CANNOT_USE = "a constant cannot use"
 
 
 class Constants:
-    """Every constant's value (None where a mistake left it without one), and what it was made from."""
+    """The value of every constant (None after a mistake), and the constants from which it was computed."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Constants:
         for name, value in overrides.items():
             if name in counts and value != counts[name]:
                 raise UsageError(
-                    f"`{name}` counts what the spec repeats: it is {counts[name]} there and stays so",
+                    f"`{name}` is the end of a repetition, which fixes it: it is {counts[name]} in the spec",
                     f"change `{name} = {counts[name]}` in the text of the spec",
                 )
             kind = self.table.kind(name)
@@ -111,14 +111,14 @@ class Constants:
         return None
 
     def value_of(self, expression: syntax.Expression) -> float | None:
-        """The value of an expression of constants; None where it holds anything else or has none."""
+        """The value of an expression of constants; None if it contains anything else or has no value."""
         try:
             return affine(expression, self.resolve)[1]
         except (NotANumber, Unknown):
             return None
 
     def resolve(self, node: syntax.Name) -> tuple[float, float]:
-        """A name within the value of a constant."""
+        """The value of a name within the value of a constant."""
         name = node.name
         kind = self.table.kind(name)
         if kind == "constant":
@@ -147,7 +147,7 @@ class Constants:
         raise self.undeclared(node)
 
     def undeclared(self, node: syntax.Name, meant: str = "") -> NotANumber | Unknown:
-        """The exception for a name that nothing declares; ``meant`` is what was probably meant, where that is known."""
+        """The exception for an undeclared name; ``meant`` is the probable intention, if it is known."""
         name = node.name
         if name in self.damaged or name in self.reported or name == "?":
             return Unknown()
@@ -169,7 +169,7 @@ class Constants:
         return NotANumber(node, f"`{name}` is not declared", hint)
 
     def _last_frame(self) -> int | None:
-        """The value of ``n``, or None after noting why there is none."""
+        """The value of ``n``, or None after adding a mistake."""
         entry = self.table.entries.get("n")
         start, end = (entry.start, entry.end) if entry is not None else (0, 0)
         value = self.values.get("n")
@@ -188,17 +188,19 @@ class Constants:
             return None
         if value > MOST_FRAMES:
             message = f"`n`, the number of the last frame, is {value:g}"
-            self.diagnostics.error(message, start, end, f"more than {MOST_FRAMES:g} frames fit in no memory")
+            self.diagnostics.error(
+                message, start, end, f"more than {MOST_FRAMES:g} frames do not fit in memory"
+            )
             return None
         self.values["n"] = float(round(value))
         return round(value)
 
     def _is_without_motion(self) -> bool:
-        """Whether parameters are all that is unknown: there is one frame, and nothing to say of it."""
+        """Whether parameters are the only unknowns, so that there is a single frame."""
         return bool(self.table.of_kind("parameter")) and not self.table.of_kind("variable")
 
     def made_from(self, name: str) -> set[str]:
-        """The constant and every other one that shaped its value."""
+        """The constant and all constants that determine its value."""
         found: set[str] = set()
         waiting = [name]
         while waiting:

@@ -1,4 +1,4 @@
-"""Scheduled contact: the `contact:` section, written out as plain statements of the language.
+"""Scheduled contact: the `contact:` section, translated into plain statements of the language.
 
 A contact is declared with the expressions that place it, and then listed under the ranges on which it stands:
 
@@ -7,14 +7,14 @@ A contact is declared with the expressions that place it, and then listed under 
       [0, 20]:  sole at 0;
       [36, n]:  sole at D;
 
-What it stands for is text (:class:`Expansion`): variables for the forces of the ground, their generalised forces
-by virtual work, rows of zero acceleration while it stands, the cone of friction and the bounds of the centre of
-pressure, no force and some clearance while it does not, and where it lands the impulse and the balance of every
-momentum.  The text is parsed like the rest of the spec, and its statements take the place of the section; each
-knows the line that it is there for, so that whoever speaks of it later points there.
+The translation is text (:class:`Expansion`): variables for the ground forces, their generalised forces by virtual work,
+zero acceleration while the contact stands, the friction cone and the bounds of the centre of pressure, no force and
+some clearance while it does not stand, and at a landing the impulse and the balance of every momentum.  The text is
+parsed like the rest of the spec, and its statements replace the section; each keeps the position of its original line
+for messages.
 
-Position and velocity are fixed at the start of each phase only; its later frames follow from the acceleration
-being zero.  Fixing them on every frame would say the same several times over, and leave no unique multipliers.
+Position and velocity are fixed only at the start of each phase; the later frames follow from the zero acceleration.
+Fixing them on every frame would be redundant, and leave multipliers undetermined.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from stc.language.show import show_expression
 def without_contacts(
     tree: syntax.SpecTree, overrides: Mapping[str, float], diagnostics: Diagnostics
 ) -> syntax.SpecTree:
-    """The tree with every contact section replaced by what it stands for; mistakes are noted."""
+    """The tree with every contact section replaced by its plain statements; mistakes are added."""
     if not any(section.kind == "contact" for section in tree.sections):
         return tree
     found = expansion(tree, overrides, diagnostics)
@@ -87,7 +87,7 @@ def plain_text(tree: syntax.SpecTree, overrides: Mapping[str, float]) -> str:
 def expansion(
     tree: syntax.SpecTree, overrides: Mapping[str, float], diagnostics: Diagnostics
 ) -> Expansion | None:
-    """The plain statements that all contact sections of a spec stand for; None after mistakes, which are noted."""
+    """The plain statements of all contact sections of a spec; None after mistakes, which are added."""
     # Ranges and poses are worked out in a trial of the rest of the spec; its mistakes are told in the real one.
     trial = _trial(tree, overrides)
     contacts = _contacts(tree, trial, diagnostics)
@@ -98,7 +98,7 @@ def expansion(
 
 
 class Expansion:
-    """What contact sections stand for: its text, and for each line the statement that it is there for."""
+    """The translation of contact sections: its text, and for each line the original statement."""
 
     def __init__(self, lines: Iterable[Line]) -> None:
         texts, self._starts, self._origins = [], list[int](), list[syntax.Node | None]()
@@ -111,11 +111,11 @@ class Expansion:
         self.text = "".join(texts)
 
     def origin(self, offset: int) -> syntax.Node | None:
-        """What the character of the text at an offset is there for; None for the head of a section."""
+        """The original statement for the character of the text at an offset; None for the head of a section."""
         return self._origins[bisect_right(self._starts, offset) - 1]
 
     def place(self, node: object, otherwise: syntax.Node) -> None:
-        """Give a node and all below the place of its origin; relations remember how they are written."""
+        """Set the position of a node and all its parts to its original statement; relations keep their text."""
         if isinstance(node, list | tuple):
             for part in node:
                 self.place(part, otherwise)
@@ -142,7 +142,7 @@ def _declarations(tree: syntax.SpecTree) -> list[syntax.ContactDeclaration]:
 
 
 def _forces(tree: syntax.SpecTree) -> list[str]:
-    """The names of all force variables that contacts may bring."""
+    """The names of all force variables that contacts can add."""
     return [f"{one.name.name}_{part}" for one in _declarations(tree) for part in ("fx", "fz", "my")]
 
 
@@ -162,7 +162,7 @@ def _is_integral(node: syntax.Expression) -> bool:
 
 
 def _check_expressions(tree: syntax.SpecTree, trial: Context, diagnostics: Diagnostics) -> None:
-    """Note what makes no sense in poses, options and places, where it stands."""
+    """Add mistakes in the expressions of poses, options and places, at their positions."""
     builder = trial.builder
     builder.diagnostics = diagnostics
     for block in tree.blocks("contact"):
@@ -183,7 +183,7 @@ def _check_expressions(tree: syntax.SpecTree, trial: Context, diagnostics: Diagn
 def _check_options(
     statement: syntax.ContactDeclaration, constants: Constants, diagnostics: Diagnostics
 ) -> None:
-    """No option makes sense below zero."""
+    """Add a mistake for each negative option."""
     for name, value in statement.options:
         number = None if value is None else constants.value_of(value)
         if value is not None and number is not None and not number >= 0.0:
@@ -219,7 +219,7 @@ def _contacts(tree: syntax.SpecTree, trial: Context, diagnostics: Diagnostics) -
                     hint,
                 )
             elif statement.slides is not None:
-                hint = "state its rows: what it presses, and friction against the way"
+                hint = "state its normal force and its friction by hand, under `constraints:`"
                 _fail(diagnostics, statement.slides, "contacts of a Lagrangian stand, and cannot slide", hint)
             elif block.header is None:
                 hint = "put the frames into a range header before it, as in `[0, 20]: sole at 0;`"
@@ -255,7 +255,7 @@ def _declared(statement: syntax.ContactDeclaration, diagnostics: Diagnostics) ->
     options: dict[str, str] = {}
     for name, value in statement.options:
         if name.name not in known:
-            hint = did_you_mean(name.name, known) or f"a {kind} knows {', '.join(known)}"
+            hint = did_you_mean(name.name, known) or f"a {kind} has the options {', '.join(known)}"
             _fail(diagnostics, name, f"a {kind} has no `{name.name}`", hint)
         elif (value is None) != (name.name in ALONE):
             how = "stands alone" if name.name in ALONE else f"needs a value, as in `{name.name} = 0.5`"

@@ -1,4 +1,4 @@
-"""What a contact stands for: the writing of its plain statements (:mod:`stc.language.contact` reads the section)."""
+"""The plain statements of a contact (:mod:`stc.language.contact` reads the section)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {"foot": ("half", "friction"), "point": 
 
 @dataclass(slots=True)
 class Phase:
-    """Frames on which a contact stands, and where: the texts of place, height and angle; None where x is free."""
+    """The frames on which a contact stands, and the texts of its place, height and angle; None if x is free."""
 
     frames: FrameRange
     header: syntax.RangeHeader
@@ -76,12 +76,12 @@ class Contact:
 
     @property
     def soft(self) -> bool:
-        """Whether it lands without an impact."""
+        """Whether the contact lands without an impact."""
         return "soft" in self.options
 
     @property
     def sudden(self) -> bool:
-        """Whether its force may end at once: what holds a pin always can."""
+        """Whether its force may end abruptly: that of a pin always can."""
         return self.kind == "pin" or "sudden" in self.options
 
 
@@ -89,7 +89,7 @@ class Contact:
 
 
 class Mechanics:
-    """The coordinates of the Lagrangian, what is under `forces:`, and how contacts move with coordinates."""
+    """The coordinates of the Lagrangian, the variables under `forces:`, and the derivatives of contact poses."""
 
     def __init__(self, tree: syntax.SpecTree, trial: Context, contacts: Sequence[Contact]) -> None:
         builder = trial.builder
@@ -115,13 +115,13 @@ class Mechanics:
         self.drives = [name for name in used if name not in moving and name not in own]
 
     def share(self, contact: Contact, part: int, coordinate: str) -> str:
-        """How much a part of a contact's pose moves with a coordinate: the text of its derivative, or ''."""
+        """The derivative of a part of a contact's pose with respect to a coordinate, as text, or ''."""
         moved = derivative(self.pose[contact.name][part], VariableRef(coordinate))
         text = render(moved)
         return "" if text == "0" else text
 
     def weight(self, contact: Contact) -> str:
-        """The force that holds everything up through a contact; '' where it is not made of constants."""
+        """The force on a contact that supports everything; '' if it is not a constant."""
         if contact.pose[1] not in self.coordinates:
             return ""
         down = derivative(self.energy, VariableRef(contact.pose[1]))
@@ -135,11 +135,11 @@ def _variables_in(e: Expr) -> list[str]:
 # ------------------------------------------------------------------------- writing it out
 
 Line = tuple[str, syntax.Node | None]
-"""A line of what contacts stand for, and the statement of the section that it is there for; None for a head."""
+"""A line of the statements that contacts stand for, and the contact statement it comes from; None for a heading."""
 
 
 class Writer:
-    """Writes all contacts of a spec out as sections of plain statements."""
+    """Writes all contacts of a spec as sections of plain statements."""
 
     def __init__(self, contacts: Sequence[Contact], mechanics: Mechanics, n: int) -> None:
         self.contacts, self.mechanics, self.n = contacts, mechanics, n
@@ -167,7 +167,7 @@ class Writer:
         yield from _section("objective", self.prices())
 
     def shares(self) -> Iterator[Line]:
-        """The share of each flight that is over at frame i."""
+        """The elapsed share of each flight at frame i."""
         for contact in self.contacts:
             for number, (before, after) in enumerate(zip(contact.phases, contact.phases[1:]), 1):
                 first = "i" if before.last == "0" else f"(i - {_term(before.last)})"
@@ -175,7 +175,7 @@ class Writer:
                 yield f"  {share};", after.statement
 
     def generalised(self) -> Iterator[Line]:
-        """`q: ...;` per coordinate that a contact moves with."""
+        """`q: ...;` for each coordinate that moves a contact."""
         for coordinate in self.mechanics.coordinates:
             terms = [(t, c) for c in self.contacts for t in self.terms(c, c.forces, coordinate)]
             if terms:
@@ -192,7 +192,7 @@ class Writer:
         return found
 
     def switches(self) -> Iterator[tuple[Phase, int, str, list[str]]]:
-        """Frames at which a contact ends or begins: of which phase, number, text, quantities that jump."""
+        """Frames at which a contact ends or begins: its phase, number, text, and the quantities that jump."""
         drives = self.mechanics.drives
         for contact in self.contacts:
             for phase in contact.phases:
@@ -206,13 +206,13 @@ class Writer:
                     yield phase, phase.frames.last, phase.last, [*forces, *drives]
 
     def jumps(self) -> Iterator[Line]:
-        """Motors may jump where a contact ends, its forces too where one begins, speeds at an impact."""
+        """The jumps: motors where a contact ends, forces as well where one begins, velocities at an impact."""
         for phase, _, frame, names in sorted(self.switches(), key=lambda switch: switch[1]):
             if names:
                 yield f"  [{frame}]: {', '.join(names)};", phase.statement
 
     def guesses(self) -> Iterator[Line]:
-        """Standing under its weight, flying along a parabola."""
+        """The guess: supporting the weight, flying along a parabola."""
         for contact in self.contacts:
             weight = self.mechanics.weight(contact)
             for phase in contact.phases:
@@ -250,7 +250,7 @@ class Writer:
         yield from self.flight(contact, previous, None)
 
     def standing(self, contact: Contact, phase: Phase) -> Iterator[str]:
-        """What holds on one phase, and where it begins."""
+        """The statements of one phase, and of its start."""
         pose = [_whole(part) for part in contact.pose]
         yield f"  {show_header(phase.header)}"
         yield "    " + " ".join(f"{part}'' = 0;" for part in pose)
@@ -272,14 +272,14 @@ class Writer:
                 yield "    " + " ".join(found)
 
     def flight(self, contact: Contact, before: Phase | None, after: Phase | None) -> Iterator[Line]:
-        """Between two phases, or before the first or after the last: no force, and room below."""
+        """The statements between two phases, or before the first or after the last: no force, and clearance."""
         phase = after or before
         assert phase is not None
         for line in self.flying(contact, before, after):
             yield line, phase.statement
 
     def flying(self, contact: Contact, before: Phase | None, after: Phase | None) -> Iterator[str]:
-        """The lines of that."""
+        """The lines of a flight."""
         first = 0 if before is None else before.frames.last
         last = self.n if after is None else after.frames.first
         if first == last:
@@ -306,7 +306,7 @@ class Writer:
             yield f"    {end} >= {ground};"
 
     def prices(self) -> Iterator[Line]:
-        """What the speed of landing costs."""
+        """The cost of the landing speed."""
         for contact in self.contacts:
             for phase in contact.phases:
                 if phase.landing and "landing" in contact.options:
@@ -317,7 +317,7 @@ class Writer:
                     yield f"  [{phase.first}]: {price};", phase.statement
 
     def impacts(self) -> Iterator[Line]:
-        """Where something lands: impulses within their cones, and the balance of every momentum."""
+        """The statements of landings: impulses within their cones, and the balance of every momentum."""
         landing: dict[int, list[tuple[Contact, Phase]]] = {}
         for contact in self.contacts:
             for phase in contact.phases:
@@ -347,12 +347,12 @@ def _section(name: str, lines: Iterator[Line]) -> Iterator[Line]:
 
 
 def _whole(text: str) -> str:
-    """A text that can take a prime."""
+    """A text that can be followed by a prime."""
     return text if text.isidentifier() else f"({text})"
 
 
 def _cone(contact: Contact, names: Sequence[str]) -> Iterator[str]:
-    """No pulling, friction, and for a foot the centre of pressure within its reach."""
+    """Text of the cone: no pulling, friction, and for a foot the centre of pressure within its reach."""
     if contact.kind == "pin":
         return
     along, up, *turning = names
@@ -374,7 +374,7 @@ def _term(text: str) -> str:
 
 
 def _between(first: str, last: str, share: str) -> str:
-    """From one text's value to another's."""
+    """Text of the interpolation between two values."""
     if first == last:
         return first
     if first == "0":

@@ -1,4 +1,4 @@
-"""What the steps of elaboration share: tables, frames, and how mistakes are noted."""
+"""The shared state of elaboration: tables, frames, and mistakes."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ S = TypeVar("S", bound=syntax.Node)
 
 
 class Context:
-    """One spec on its way to a problem.
+    """The state of one spec during elaboration.
 
-    ``n`` is 0 where a mistake left the number of frames unknown.  ``time_is_fixed`` tells whether ``t`` is
-    known before solving: false once a step depends on a parameter.  ``method`` is empty until it is known.
+    ``n`` is 0 if a mistake left the number of frames unknown.  ``time_is_fixed`` says whether ``t`` is known before
+    solving: false if a step depends on a parameter.  ``method`` is empty until it is known.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Context:
         self._strays: set[str] = set()
 
     def _data(self) -> Data | None:
-        """What `data:` declares; None where the spec has no such section."""
+        """The declarations of `data:`; None if the spec has no such section."""
         if not any(section.kind == "data" for section in self.tree.sections):
             return None
         from stc.language.data import Data
@@ -72,7 +72,7 @@ class Context:
         return Data(self.tree, self.table, self.constants, self.diagnostics)
 
     def set_motion(self, method: str, jumps: Sequence[Jump]) -> None:
-        """Tell the method and the jumps, which decide on which frames a statement can hold."""
+        """Set the method and the jumps, which determine the frames on which a statement can hold."""
         self.method = method
         self.frames = Frames(self.n, method == "central", self.builder.pieces, jumps)
 
@@ -115,12 +115,12 @@ class Context:
         self.error(node, f"`{name}` is not declared", hint)
 
     def _means_data(self, name: str) -> bool:
-        """Whether a word that nothing declares can be that of a data set, and means no frame."""
+        """Whether an undeclared word can be the name of a data set."""
         known = (*RESERVED, "n", "h", "N", "?", *self.tree.damaged)
         return self.table.kind(name) is None and name not in known and name.lower() not in FRAMES_MEANT
 
     def rows(self, block: syntax.Block) -> str:
-        """The data set on whose rows the statements of a block stand; empty where they stand on frames."""
+        """The data set over whose rows the statements of a block are summed; empty if they hold on frames."""
         header = block.header
         if header is None or header.last is not None or not isinstance(header.first, syntax.Name):
             return ""
@@ -128,8 +128,9 @@ class Context:
         return name if self.table.kind(name) == DATA_SET else ""
 
     def statements(self, section: str, kind: type[S]) -> Iterator[tuple[syntax.Block, FrameRange | None, S]]:
-        """Each statement of one kind in a section, with its block and that one's frames; before it, the builder forgets
-        that there was a mistake."""
+        """Each statement of one kind in a section, with its block and the block's frames; before each one, the
+        builder's state after mistakes is reset.
+        """
         self.section = section
         for block in self.tree.blocks(section):
             where = self.range(block, rows=section == "objective")
@@ -142,7 +143,7 @@ class Context:
         self.builder.rows = ""
 
     def _each(self, statement: syntax.Statement) -> Iterator[syntax.Statement]:
-        """A statement as it is; one in which `joint.*` stands, for each joint in turn."""
+        """The statement itself; or for a statement with `joint.*`, a statement for each joint."""
         if self.model is None or not isinstance(statement, syntax.Relation | syntax.Assignment):
             yield statement
             return
@@ -153,7 +154,7 @@ class Context:
         return float(evaluate(e, {key: self.constants.values.get(key.name) for key in symbols(e)}))
 
     def is_fixed(self, e: Expr) -> bool:
-        """Whether an expression is made of constants, ``i`` and a ``t`` that no unknown changes."""
+        """Whether an expression consists of constants, ``i`` and a ``t`` that no unknown changes."""
         found = self._fixed.get(e)
         if found is None:
             known = (ConstantRef, IndexRef, TimeRef) if self.time_is_fixed else (ConstantRef, IndexRef)
@@ -161,7 +162,7 @@ class Context:
         return found
 
     def settled(self, e: Expr, where: FrameRange, node: syntax.Node) -> Expr:
-        """``e`` without sides that mean nothing; definitions in it are checked to hold on its frames."""
+        """``e`` without unnecessary ``before`` and ``after``; its definitions are checked to hold on its frames."""
         gap = self.frames.gap(e, where.first, where.last)
         if gap is not None and not self.tell_of_stray(gap.name, f"line {self._line(node)} uses it on {gap}"):
             at = next(
@@ -184,7 +185,7 @@ class Context:
         return self.smooth(plain, where, node)
 
     def smooth(self, e: Expr, where: FrameRange, node: syntax.Node) -> Expr:
-        """``e`` with roots that have slopes wherever it has some; kinks that are left are mistakes."""
+        """``e`` with roots replaced by differentiable ones where possible; remaining kinks are mistakes."""
         found = smoothed(e)
         for kink in kinks_in(self.builder, found) if not isinstance(node, syntax.Channel) else ():
             header = "[0, n]:" if where.span is None else where.span.text
@@ -195,13 +196,13 @@ class Context:
         return self.source.position(node.start)[0]
 
     def tell_of_stray(self, name: str, use: str) -> bool:
-        """Note, once, that a definition holds on some frames only as it follows others under a range header.
+        """Add a hint, once, that a definition holds on some frames only because it follows others under a range header.
 
         Args:
-            use: what wants it elsewhere, as in "line 8 uses it on frame 0".
+            use: its use on other frames, as in "line 8 uses it on frame 0".
 
         Returns:
-            Whether it is such a one: its only value stands there, behind one of several values of another name.
+            Whether that is the case: its only value follows one of several values of another name.
         """
         formulas = self.definitions.formulas
         if len(formulas.get(name, ())) != 1 or name not in self.builder.pieces:
@@ -225,7 +226,7 @@ class Context:
         return False
 
     def by_piece(self, e: Expr, where: FrameRange, node: syntax.Node) -> list[tuple[FrameRange, Expr]]:
-        """``e`` with ranged definitions written out, per part of the range on which it is one formula."""
+        """``e`` with ranged definitions expanded, for each part of the range on which it is one formula."""
         key = next((k for k in symbols(e) if isinstance(k, DefinitionRef)), None)
         if key is None:
             return [(where, e)]
@@ -240,7 +241,7 @@ class Context:
 
 
 def _model_hint(tree: syntax.SpecTree) -> str:
-    """What to write for the word `model` in an expression, in the words of the spec."""
+    """The hint for the word `model` in an expression."""
     files = [
         statement.path
         for section in ("model", "replay")
@@ -251,7 +252,7 @@ def _model_hint(tree: syntax.SpecTree) -> str:
     path = files[0] if files else "robot.xml"
     listed = f"`stc show {path}` lists what it has"
     if any(tree.blocks("model")):
-        return f"a model is no number; its joints are `joint.NAME`, its motors `actuator.NAME`: {listed}"
+        return f"a model is not a number; its joints are `joint.NAME`, its motors `actuator.NAME`: {listed}"
     instead = "in place of `lagrangian:`" if any(tree.blocks("lagrangian")) else "as a section of its own"
     hint = (
         f'write `model: "{path}";` {instead}: it brings the coordinates, as `joint.NAME`, the motors and the '

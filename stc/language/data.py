@@ -1,4 +1,4 @@
-"""What `data:` declares: columns of numbers, the functions that tables make of them, and recorded motions."""
+"""The declarations of `data:`: columns of numbers, tables as functions, and recorded motions."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ _FORGIVEN = 1e-9
 
 
 class Data:
-    """The data of a spec, read and checked; mistakes are noted.
+    """The data of a spec, read and checked; mistakes are added.
 
     Attributes:
         sets: columns of numbers by name.
         tables: functions by name.
-        structural: the constants that numbers of the spec were worked out from.
+        structural: the constants from which numbers in the spec were computed.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class Data:
         return replace(known, columns=columns, structural=frozenset(structural))
 
     def _used(self, cells: Iterable[syntax.Expression]) -> frozenset[str]:
-        """The constants that some numbers were worked out from, which are noted."""
+        """The constants from which some numbers were computed, which are recorded."""
         used = {name for cell in cells for name in syntax.names(cell) if name in self.constants.values}
         for name in used:
             if name in self.names.entries:
@@ -131,7 +131,7 @@ class Data:
         return structural
 
     def warn_of_leaps(self, data: str, column: str, start: int, end: int) -> None:
-        """Tell once of a column that is followed or measured and leaps by whole turns."""
+        """Warn once of a column that is tracked or measured and jumps by whole turns."""
         if (data, column) not in self._leaping:
             self._leaping.add((data, column))
             found = remark(self.sets[data], column)
@@ -184,14 +184,16 @@ class Data:
         return value
 
     def column(self, path: syntax.Name) -> tuple[DataSet, str, FloatArray] | None:
-        """The column that a path names; None after a mistake, which is noted."""
+        """The column that a path names; None after a mistake, which is added."""
         word, name = split_path(path.name)
         if word in self._damaged or word in self.tree.damaged:
             return None
         found = self.sets.get(word)
         if found is None:
             hint = did_you_mean(word, self.sets) or 'declare it under `data:`, as in `polar = "polar.csv";`'
-            what = f"`{word}` is no data set" if self.names.kind(word) else f"there is no data set `{word}`"
+            what = (
+                f"`{word}` is not a data set" if self.names.kind(word) else f"there is no data set `{word}`"
+            )
             self.diagnostics.error(what, path.start, path.end, hint)
             return None
         self.names.entries[word].used = True
@@ -250,7 +252,9 @@ class Data:
                 at = option if value is None or word != "outside" else value
                 known = OUTSIDE if at is value else (*KINDS, "outside")
                 what = "a table" if at is option else "outside of a table there is"
-                message = f"`{at.name}` is no option of a table" if at is option else f"{what} no `{at.name}`"
+                message = (
+                    f"`{at.name}` is not an option of a table" if at is option else f"{what} no `{at.name}`"
+                )
                 if word in KINDS and value is None:
                     message = f"a table is either `{kind}` or `{word}`"
                 hint = f"write `outside = {word}`" if word in OUTSIDE and value is None else ""
@@ -325,7 +329,7 @@ class Data:
         k = int(falls[0])
         what = "the same twice" if values[k] == values[k + 1] else "less than before"
         message = f"`{path.name}` is {what} on {data.place(k + 1)}: {values[k + 1]:.9g} after {values[k]:.9g}"
-        hint = "sort the rows by it, and let each of its values stand once"
+        hint = "sort the rows by it, and use each of its values only once"
         self.diagnostics.error(message, path.start, path.end, hint)
         return False
 
@@ -371,18 +375,18 @@ class Data:
             x, y, values = grid(first, [path.name for path in paths], x, y, values)
         if (len(x) + 1) * (len(y) + 1) > MOST_CELLS:
             raise DataError(
-                f"a grid of {len(x)} by {len(y)} is too large", f"{MOST_CELLS} cells are the most"
+                f"a grid of {len(x)} by {len(y)} is too large", f"a table may have {MOST_CELLS} cells at most"
             )
         return checked(interpolated([x, y], values, kind, outside))
 
     # ---- recorded motions ------------------------------------------------------------------------------------------
 
     def reference(self, path: syntax.Name) -> tuple[TableRef, TableRef, bool] | None:
-        """A column as a function of time; None after a mistake, which is noted.
+        """A column as a function of time; None after a mistake, which is added.
 
         Returns:
-            the function, bridged by straight lines over gaps; one that is 1 where the column has numbers and 0 where it
-            has none; whether it has gaps between its first number and its last.
+            the function, with straight lines over gaps; a function that is 1 where the column has numbers and 0
+            elsewhere; whether it has gaps between its first number and its last.
         """
         found = self.column(path)
         if found is None:
@@ -415,7 +419,7 @@ class Data:
             return None
         runs = stretches(np.isfinite(values), 1)
         if np.isfinite(values).sum() < 2:
-            message = f"`{path.name}` has fewer than two numbers, and a motion needs two"
+            message = f"`{path.name}` has fewer than two numbers; a motion needs at least two"
             self.diagnostics.error(message, path.start, path.end)
             return None
         self.warn_of_leaps(data.name, name, path.start, path.end)
@@ -427,21 +431,21 @@ class Data:
         return curve, weight, len(runs) > 1
 
     def weight_of(self, ref: TableRef) -> tuple[TableRef, bool]:
-        """Of a function of time, where it has numbers, and whether there are gaps between."""
+        """For a function of time, the function that is 1 where it has numbers, and whether there are gaps."""
         for found in self._references.values():
             if found is not None and found[0] == ref.base:
                 return found[1], found[2]
         raise KeyError(ref.name)
 
     def guessed(self, node: syntax.GuessFrom, variables: Iterable[str]) -> list[tuple[str, TableRef]]:
-        """The variables that have a column in a data set, by the same name or less `joint.`; mistakes are noted."""
+        """The variables that have a column in a data set, of the same name or without `joint.`; mistakes are added."""
         name = node.name.name
         data = self.sets.get(name)
         if data is None:
             return []
         self.names.entries[name].used = True
         if data.time is None:
-            message = f"`{name}` does not say when: it has no column `{TIME}`"
+            message = f"`{name}` has no column `{TIME}`, which is needed here"
             hint = f"add a column `{TIME}`, in seconds"
             self.diagnostics.error(message, node.start, node.end, hint)
             return []
@@ -456,18 +460,18 @@ class Data:
                     found.append((variable, made[0]))
         if not found and not self.diagnostics.error_count:
             listed = ", ".join(shortened([f"`{each}`" for each in data.columns if each != TIME]))
-            message = f"no variable is called like a column of `{name}`"
+            message = f"no variable has the name of a column of `{name}`"
             self.diagnostics.error(message, node.start, node.end, f"its columns are {listed}")
         return found
 
 
 def _falls(places: FloatArray) -> bool:
-    """Whether places are listed from the last one down, each told apart from the next."""
+    """Whether points are in decreasing order, each different from the next."""
     return bool((np.diff(places) < 0.0).all()) and too_near(places[::-1]) is None
 
 
 def _no_column(data: DataSet, name: str, path: syntax.Name) -> tuple[str, int, int, str]:
-    """What to say of a column that is not there."""
+    """The message for a column that does not exist."""
     listed = ", ".join(shortened([f"`{each}`" for each in data.columns]))
     hint = did_you_mean(name, data.columns) or f"its columns are {listed}"
     if not name:

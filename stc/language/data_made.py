@@ -1,4 +1,4 @@
-"""What data is made of: files beside a spec, keyframes of a model, grids, and stretches of recorded motions."""
+"""The sources of data: files beside a spec, keyframes of a model, grids, and intervals of recorded motions."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ MOST_CELLS = 1_000_000
 
 #: The least distance of two places of a table, as a share of its length; and the greatest length, or its reciprocal.
 NEAR, LENGTH = 1e-12, 1e100
-NEAR_HINT = f"places are told apart that are a share of {NEAR:g} of all of the table from each other"
+NEAR_HINT = f"points must differ by more than a share of {NEAR:g} of all of the table from each other"
 
 _PART = re.compile(r'"([^"]*)"|([^.]+)')
 
 
 def split_path(path: str) -> tuple[str, str]:
-    """The first word of a path, and the rest as a column may be called: without quotes."""
+    """The first word of a path, and the rest as the name of a column, without quotes."""
     parts = [quoted or plain for quoted, plain in _PART.findall(path)]
     return parts[0], ".".join(parts[1:])
 
 
 def plain_path(path: str) -> str:
-    """A path as a column may be called: without quotes."""
+    """A path as the name of a column, without quotes."""
     return ".".join(part for part in split_path(path) if part)
 
 
 def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | None) -> bytes:
-    """What is in a file: what the spec's solution carries, else what lies beside the spec.
+    """The content of a file: from the solution of the spec, else from the folder of the spec.
 
     Raises:
         DataError: there is no such file, or it cannot be read.
@@ -52,7 +52,7 @@ def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | Non
         raise DataError(f"data is read from a .csv, .tsv or .npz file, not from `{path}`", hint)
     if carried is not None:
         if path not in carried:
-            raise DataError(f"the solution does not carry `{path}`")
+            raise DataError(f"the solution file does not contain `{path}`")
         return carried[path]
     folder = Path(spec).parent if spec else Path()
     try:
@@ -68,7 +68,7 @@ def found_beside(path: str, spec: str | None, carried: Mapping[str, bytes] | Non
 
 
 def too_near(places: FloatArray) -> int | None:
-    """Of rising places the first of two that are not told apart; None where all are."""
+    """The first of two increasing points that are too close to each other; None if there are none."""
     length = float(places[-1] - places[0])
     near = int(np.argmin(np.diff(places)))
     apart = places[near + 1] - places[near] > NEAR * length
@@ -76,7 +76,7 @@ def too_near(places: FloatArray) -> int | None:
 
 
 def keyframes(name: str, model: ModelScope) -> DataSet:
-    """The keyframes of a model as columns: one for each variable that they give a value to, and the time.
+    """The keyframes of a model as columns: the time, and one for each variable with a value.
 
     Raises:
         DataError: there are fewer than two, or their times do not rise.
@@ -105,10 +105,10 @@ def keyframes(name: str, model: ModelScope) -> DataSet:
 def grid(
     data: DataSet, names: Sequence[str], x: FloatArray, y: FloatArray, values: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The axes and the matrix of a grid in long form: a row for each place, in any order.
+    """The axes and the matrix of a grid in long form: a row for each point, in any order.
 
     Raises:
-        DataError: a place is missing, or stands twice.
+        DataError: a point is missing, or occurs twice.
     """
     rows, row = np.unique(x, return_inverse=True)
     columns, column = np.unique(y, return_inverse=True)
@@ -140,10 +140,10 @@ def grid(
 
 
 def checked(table: Table) -> Table:
-    """The same, if numbers are enough for it.
+    """The same table, after a check of its numbers.
 
     Raises:
-        DataError: its places are too near to each other, or its values too large.
+        DataError: its points are too close to each other, or its values too large.
     """
     inner = table.coefficients[tuple(slice(1, -1) for _ in table.axes)]
     if not np.isfinite(inner).all():
@@ -152,12 +152,12 @@ def checked(table: Table) -> Table:
 
 
 def stretches(there: NDArray[np.bool_], least: int = 2) -> list[tuple[int, int]]:
-    """The first and the last place of every stretch of ``least`` or more."""
+    """The first and the last index of every run of ``least`` or more numbers."""
     return [(first, past - 1) for first, past in stretches_of(there) if past - first >= least]
 
 
 def bridged(time: FloatArray, values: FloatArray, runs: Sequence[tuple[int, int]]) -> Table:
-    """A spline on each stretch, which may be a single number, straight lines between, and the last value outside."""
+    """A spline on each run of numbers (or a single number), straight lines between, and the last value outside."""
     places = np.concatenate([time[a : b + 1] for a, b in runs])
     rows: list[FloatArray] = [np.array([[values[runs[0][0]], 0.0, 0.0, 0.0]])]
     for k, (a, b) in enumerate(runs):
@@ -173,7 +173,7 @@ def bridged(time: FloatArray, values: FloatArray, runs: Sequence[tuple[int, int]
 
 
 def presence(time: FloatArray, runs: Sequence[tuple[int, int]], slack: float) -> Table:
-    """1 on every stretch of two numbers or more, its ends included, and 0 elsewhere."""
+    """1 on every run of two numbers or more, including its ends, and 0 elsewhere."""
     found = [(time[a] - slack, np.nextafter(time[b] + slack, np.inf)) for a, b in runs if a < b]
     edges = [edge for ends in found for edge in ends] or [time[runs[0][0]], time[runs[-1][1]]]
     coefficients = np.zeros((len(edges) + 1, 4))

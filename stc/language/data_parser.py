@@ -1,4 +1,4 @@
-"""The statements of `data:`: where columns of numbers come from, and which functions are made of them."""
+"""The parser of `data:`: sources of columns, and the functions made from them."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def data_statement(parser: _Parser, into: list[syntax.Statement]) -> None:
 
 
 def _unwrapped(parser: _Parser) -> list[tuple[syntax.Name, syntax.Expression | None]]:
-    """The columns of a file that go on where they leap by a whole turn, each with what that is if it is said."""
+    """The columns of a file that are unwrapped at whole turns, each with the value of a turn if it is given."""
     found: list[tuple[syntax.Name, syntax.Expression | None]] = []
     while parser.kind == ",":
         parser.advance()

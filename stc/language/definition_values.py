@@ -29,9 +29,9 @@ MOST_STEPS = 100_000
 
 
 def define(context: Context, holds_integral: Callable[[syntax.Expression], bool]) -> None:
-    """Fill the builder's macros and pieces, each definition after those it uses.
+    """Fill the builder's macros and pieces, each definition after those that it uses.
 
-    Those that hold an integral are only remembered as such: the objective takes them apart itself.
+    Definitions with an integral are only recorded: the objective expands them itself.
     """
     builder = context.builder
     for name in context.definitions.order:
@@ -65,7 +65,7 @@ def define(context: Context, holds_integral: Callable[[syntax.Expression], bool]
 
 
 def work_out_step(context: Context) -> Expr:
-    """``h``, checked: made of constants, parameters and ``i``, there for every step, positive."""
+    """``h``, checked: made of constants, parameters and ``i``, defined for every step, positive."""
     builder = context.builder
     kind = context.table.kind("h")
     pieces: list[DefinitionPiece] = []

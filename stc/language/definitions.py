@@ -1,4 +1,4 @@
-"""Definitions: those that are one formula everywhere, those made of pieces, and where the pieces hold.
+"""Definitions: macros, which are one formula everywhere, and ranged definitions with their pieces.
 
 A definition whose value is the same formula on every frame is a macro: it is replaced by its value wherever
 it is used.  One that stands under range headers keeps its name (:class:`stc.problem.DefinitionRef`), since
@@ -45,7 +45,7 @@ class Definitions:
 
 
 def collect_definitions(spec: syntax.SpecTree, table: NameTable, diagnostics: Diagnostics) -> Definitions:
-    """Gather the formulas of all definitions sections; notes repeated and circular ones."""
+    """Collect the formulas of all definitions sections; repeated and circular ones are mistakes."""
     formulas: dict[str, list[Formula]] = {}
     for block in spec.blocks("definitions"):
         for statement in block.statements:
@@ -91,7 +91,7 @@ class Run:
 
 
 def runs(pieces: Sequence[DefinitionPiece], first: int, last: int) -> list[Run]:
-    """Which piece holds on the frames ``first..last``; of overlapping pieces the later one."""
+    """The valid piece for the frames ``first..last``; of overlapping pieces the later one."""
     if first > last:
         return []
     edges = {first, last + 1}

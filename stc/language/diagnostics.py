@@ -1,4 +1,4 @@
-"""Collecting mistakes while reading goes on, and guessing which name was meant."""
+"""Collect mistakes while reading goes on, and suggest names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from stc.errors import Diagnostic, Source, Span
 class Diagnostics:
     """The mistakes and warnings found so far in one source; the same one at the same place counts once.
 
-    In what is repeated, a place counts once whatever is said of it: it is told of the first that goes wrong.
+    In repeated text, a place counts once whatever the message is: only the first repetition is reported.
     """
 
     def __init__(self, source: Source) -> None:
@@ -30,11 +30,11 @@ class Diagnostics:
         self.error_count += severity == "error"
 
     def error(self, message: str, start: int, end: int, hint: str = "") -> None:
-        """Note a mistake in the characters ``start`` to ``end``."""
+        """Add a mistake for the characters ``start`` to ``end``."""
         self._add("error", message, start, end, hint)
 
     def warning(self, message: str, start: int, end: int, hint: str = "") -> None:
-        """Note something that is allowed but probably not meant."""
+        """Add a warning about something that is allowed but probably not intended."""
         self._add("warning", message, start, end, hint)
 
     def errors(self) -> list[Diagnostic]:
@@ -75,10 +75,10 @@ def edit_distance(a: str, b: str) -> int:
 
 
 def nearest_name(name: str, candidates: Iterable[str]) -> str | None:
-    """The candidate that ``name`` most probably misspells, or None when none is near.
+    """The candidate for which ``name`` is most probably a misspelling, or None if none is close.
 
-    Near is one slip in names of two to five letters, two from six, three from nine on; a difference in case
-    alone is nearer than any other.
+    Close means one edit in names of two to five letters, two from six, three from nine on; a difference in case
+    alone is closer than any other.
     """
     limit = 0 if len(name) < 2 else 1 if len(name) < 6 else 2 if len(name) < 9 else 3
     best: str | None = None
@@ -110,7 +110,7 @@ _DERIVATIVES = (
 
 
 def derivative_meant(name: str, variables: Iterable[str]) -> str:
-    """The hint for an undeclared name that is made of a variable's as those of its derivatives often are, or ''."""
+    """The hint for an undeclared name that looks like a derivative of a variable, or ''."""
     for variable in variables:
         for order, shapes in _DERIVATIVES:
             if name in [shape.format(variable) for shape in shapes]:

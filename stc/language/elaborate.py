@@ -1,8 +1,8 @@
-"""A syntax tree and the numbers given from outside make a problem.
+"""From a syntax tree and the constants given by the caller to a problem.
 
-The sections are worked through in the order in which they need each other, whatever their order in the file:
-names, constants, method, jumps, definitions, then constraints, objective, guesses and replay lines.  A
-mistake is noted and work goes on; at the end all mistakes are raised together.
+The sections are processed in the order of their dependencies, whatever their order in the file: names, constants,
+method, jumps, definitions, then constraints, objective, guesses and replay lines.  A mistake is added and processing
+continues; at the end all mistakes are raised together.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from stc.language.expressions import TIME
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.model.scope import RELAXATION, is_starred
 from stc.language.name_table import DATA_SET
-from stc.language.statements import Objective, Relations, statement_text
+from stc.language.statements import Objective, Relations
 from stc.language.words import METHODS, RESERVED
 from stc.problem import (
     ConstantRef,
@@ -55,12 +55,12 @@ def elaborate(
     """The problem that a spec states.
 
     Args:
-        tree: what :func:`stc.language.parser.parse` gave.
-        overrides: values of constants by name; they win over the file's.
+        tree: the result of :func:`stc.language.parser.parse`.
+        overrides: values of constants by name; they replace the file's.
         method: ``central``, ``trapezoidal``, ``hermite-simpson`` or ``stepping``; wins over the file's.
 
     Raises:
-        SpecError: with every mistake in what the text means.
+        SpecError: with all semantic mistakes in the text.
         UsageError: an override or the method names nothing that exists.
     """
     diagnostics = Diagnostics(tree.source)
@@ -73,7 +73,14 @@ def elaborate(
 def elaborate_with_recovery(
     tree: syntax.SpecTree, overrides: Mapping[str, float], method: str | None, diagnostics: Diagnostics
 ) -> Problem | None:
-    """As :func:`elaborate`, but mistakes are added to ``diagnostics``; None where they leave no problem."""
+    """As :func:`elaborate`, but mistakes are added to ``diagnostics``; None if they leave no problem."""
+    return elaborator(tree, overrides, method, diagnostics).problem()
+
+
+def elaborator(
+    tree: syntax.SpecTree, overrides: Mapping[str, float], method: str | None, diagnostics: Diagnostics
+) -> Elaborator:
+    """What makes a tree's problem; before it does, it knows the names of the spec and the values of its constants."""
     if method is not None and method not in METHODS:
         raise UsageError(
             f"there is no method `{method}`",
@@ -84,10 +91,12 @@ def elaborate_with_recovery(
         from stc.language.contact import without_contacts
 
         tree = without_contacts(tree, overrides, diagnostics)
-    return _Elaborator(tree, overrides, method, diagnostics).problem()
+    return Elaborator(tree, overrides, method, diagnostics)
 
 
-class _Elaborator(Context):
+class Elaborator(Context):
+    """A context that works through all sections."""
+
     def __init__(
         self,
         tree: syntax.SpecTree,
@@ -171,6 +180,7 @@ class _Elaborator(Context):
             macros=self.builder.macros,
             rotations=[] if self.model is None else self.model.rotations,
             of_model=self.model is not None,
+            additions=[] if self.model is None else [word.name for word in self.model.statement.additions],
             left_out=[] if self.model is None else [word.name for word in self.model.statement.without],
             relaxation=RELAXATION
             if self.model_statements is not None and self.model_statements.is_relaxed()
@@ -189,15 +199,15 @@ class _Elaborator(Context):
         return problem
 
     def _shaping(self) -> set[str]:
-        """Numbers of the model that are no inputs of the compiled program."""
+        """Numbers of the model that are not inputs of the compiled program."""
         return set() if self.model is None else self.model.structural
 
     def _impulses(self) -> list[str]:
-        """Parameters that the model's contacts bring."""
+        """Parameters that the model's contacts add."""
         return [] if self.model_statements is None else self.model_statements.impulses()
 
     def _step_span(self) -> Span | None:
-        """Where the spec says what the step is."""
+        """The place of the step's definition in the spec."""
         entry = self.table.entries.get("h")
         return None if entry is None else Span(self.source, entry.start, entry.end)
 
@@ -240,7 +250,7 @@ class _Elaborator(Context):
                 elif self.method == "central" and not told:
                     told = True
                     hint = "choose `method: trapezoidal;` or `method: hermite-simpson;`"
-                    self.error(block.header, "the method `central` knows no jumps", hint)
+                    self.error(block.header, "the method `central` does not support jumps", hint)
                 for quantity in statement.quantities:
                     named = self._jump_quantity(quantity)
                     if named is None or where is None or block.header is None:
@@ -252,7 +262,7 @@ class _Elaborator(Context):
             if jumping and self.method == "central" and not told:
                 span = jumping[0].span
                 hint = "choose `method: trapezoidal;` or leave the line out for hermite-simpson"
-                message = "contact begins or ends within the motion, and the method `central` knows no jumps"
+                message = "contact begins or ends within the motion, and the method `central` does not support jumps"
                 self.diagnostics.error(message, span.start, span.end, hint)
             for jump in jumping:
                 found.setdefault((jump.frame, jump.name, jump.order), jump)
@@ -294,7 +304,7 @@ class _Elaborator(Context):
             if self.builder.poisoned or where is None:
                 continue
             before = len(found)
-            text = statement.written or statement_text(self.source, statement)
+            text = statement.written or syntax.statement_text(self.source, statement)
             for part in bounded:
                 body = self.settled(part.body, where, statement)
                 if any(
@@ -318,19 +328,22 @@ class _Elaborator(Context):
                     else self.builder.paths.distances.exact(one, self._structural)
                 )
                 if self.is_fixed(body):
-                    message = "this constraint holds no unknown"
+                    message = "this constraint contains no unknown"
                     self.diagnostics.warning(
-                        message, statement.start, statement.end, "it is true or false as it is"
+                        message,
+                        statement.start,
+                        statement.end,
+                        "it is true or false whatever the solution is",
                     )
             came.append(len(found) - before)
             if statement.complementary and came[-3:] != [1, 1, 1]:  # as of distances, which take several rows
                 found[before:] = [replace(one, complementary=False) for one in found[before:]]
         if self.builder.paths is not None:
-            self.builder.paths.distances.declare(self)
+            self.builder.paths.distances.declare(self.table)
         return found
 
     def _warn_of_frames(self) -> None:
-        """Tell of limits of each joint or actuator below a pose of a single frame, where all frames may be meant."""
+        """Warn of limits of all joints or actuators that hold at a single frame only, beside a pose."""
         for block in self.tree.blocks("constraints"):
             where = None if block.header is None else self.range(block)
             if block.header is None or where is None or where.first != where.last:
@@ -350,7 +363,7 @@ class _Elaborator(Context):
                     self.diagnostics.warning(message, statement.start, statement.end, hint)
 
     def _structural(self, e: Expr) -> float | None:
-        """The value of an expression of constants, which then shape the problem; None of others."""
+        """The value of an expression of constants, which then becomes structural; None for other expressions."""
         values: dict[object, float] = {}
         for key in symbols(e):
             value = self.positions.structural_value(key.name) if isinstance(key, ConstantRef) else None
@@ -360,7 +373,7 @@ class _Elaborator(Context):
         return float(evaluate(e, values))
 
     def _has_model(self, pose: syntax.Pose) -> bool:
-        """Whether poses mean something; else that is noted."""
+        """Whether poses have a meaning; otherwise a mistake is added."""
         if self.model_statements is None and not any(self.tree.blocks("model")):
             hint = 'poses are those of a model: name it, as in `model: "robot.xml";`'
             self.error(pose, f"`{pose.base.name}` is not declared", hint)
@@ -377,12 +390,12 @@ class _Elaborator(Context):
                 name = ref.name.partition(".")[0]
                 hint = f"sum over its rows instead, as in `[{name}]: (x - {ref.name})^2;`, or give it a file of its own"
                 self.error(
-                    node, f"`{ref.name}` has nowhere two numbers in a row, and an integral wants them", hint
+                    node, f"`{ref.name}` has no two consecutive numbers, which an integral needs", hint
                 )
         return counted_where_known(integrand, self.data, self.builder.pieces)
 
     def _reads_gaps(self, body: Expr, where: FrameRange, node: syntax.Node) -> bool:
-        """Whether a statement reads a recording at a time where it has a gap, which is noted."""
+        """Whether a statement reads a recording in one of its gaps, which is a mistake."""
         if self.data is None:
             return False
         from stc.language.recorded import first_gap, references
@@ -395,9 +408,9 @@ class _Elaborator(Context):
             return False
         ref, time = found
         hint = "a term of an `integral` in the objective counts only where there are numbers"
-        message = f"`{ref.name}` has gaps, and this statement wants it at every frame"
+        message = f"`{ref.name}` has gaps, and this statement needs a number at every frame"
         if time is not None:
-            message = f"`{ref.name}` has a gap at t = {time:.6g} s, where this statement wants a number"
+            message = f"`{ref.name}` has a gap at t = {time:.6g} s, where this statement needs a number"
         self.error(node, message, hint)
         return True
 
@@ -413,7 +426,7 @@ class _Elaborator(Context):
             summands = self.objective.split(statement.operands[0])
             if self.builder.poisoned or where is None:
                 continue
-            text = statement_text(self.source, statement)
+            text = syntax.statement_text(self.source, statement)
             for part in summands:
                 body = self.settled(part.body, where, statement)
                 rows = self.rows(block)
@@ -427,13 +440,13 @@ class _Elaborator(Context):
         return found
 
     def _stands_on_rows(self, body: Expr, integral: bool, rows: str, node: syntax.Node) -> bool:
-        """Whether a term has a value on each row of a data set; mistakes are noted."""
+        """Whether a term has a value on each row of a data set; mistakes are added."""
         from stc.language.measurements import stands_on_rows
 
         return stands_on_rows(self, body, integral, rows, node)
 
     def _placing(self, step: Expr, objective: Sequence[ObjectiveTerm]) -> frozenset[str]:
-        """The constants that decide where the rows of data are among the frames."""
+        """The constants that determine the positions of data rows among the frames."""
         if not any(term.rows for term in objective):
             return frozenset()
         from stc.language.measurements import placing_rows

@@ -1,7 +1,7 @@
-"""Tokens to expressions, by recursive descent.
+"""The parser of expressions: recursive descent over tokens.
 
-Expressions bind, from loosest to tightest: ``+ -``, ``* /``, unary ``-``, ``^`` (right associative), ``'``
-and ``[ ]``.
+Operators from lowest to highest precedence: ``+ -``, ``* /``, unary ``-``, ``^`` (right associative), ``'`` and
+``[ ]``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ OPERAND_STARTS = frozenset(("name", "number", "(", "string"))
 
 
 class Misread(Exception):
-    """Raised after a mistake has been noted, to give up the statement."""
+    """Raised after a mistake has been added, to abandon the statement."""
 
 
 class ExpressionParser:
@@ -58,7 +58,7 @@ class ExpressionParser:
         return "the end of the file" if self.kind == "end" else f"`{self.token_text(self.at)}`"
 
     def fail(self, message: str, hint: str = "") -> Misread:
-        """Note a mistake at the current token (at the end of the file: at what was read last)."""
+        """Add a mistake at the current token (at the end of the file: at the last token)."""
         index = self.at
         if self.kind == "end" and index > 0:
             index -= 1
@@ -116,7 +116,7 @@ class ExpressionParser:
             hint = "units are not written; write `*` to multiply"
         elif self.kind == "(" and self.at > 2 and self.kinds[self.at - 2] == ".":
             hint = (
-                "a column of a motion is a number at the time of its statement: leave the `(...)` out; "
+                "a column of a motion is a number at the time of its statement: remove the `(...)`; "
                 "a function of something else is a table: `f = table(data.x, data.y);` under `data:`"
             )
         elif self.kind in ("name", "(") and previous in ("number", ")", "]", "prime"):
@@ -144,7 +144,7 @@ class ExpressionParser:
         raise self.fail(f"expected an operator or {what}, found {self.described()}", hint)
 
     def decimal_hint(self, comma: int) -> str:
-        """What to say of a `,` within a number; empty where the token is none."""
+        """The hint for a `,` within a number; empty for other tokens."""
         around = self.kinds[comma - 1 : comma + 2]
         close = self.ends[comma - 1] == self.starts[comma] and self.ends[comma] == self.starts[comma + 1]
         if comma < 1 or not close or around != ["number", ",", "number"]:
@@ -264,7 +264,7 @@ class ExpressionParser:
         return node
 
     def path(self, at: int) -> syntax.Name:
-        """The path of a thing of the model, of which the first word, at token ``at``, has been read."""
+        """The path of an element of the model, of which the first word, at token ``at``, has been read."""
         parts = [self.token_text(at), *self.path_parts()]
         return syntax.Name(self.starts[at], self.ends[self.at - 1], ".".join(parts))
 

@@ -1,4 +1,4 @@
-"""Syntax to expressions: names, definitions, primes, indices and sides of jumps are worked out."""
+"""From syntax to expressions: names, definitions, primes, indices and sides of jumps are resolved."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ MAX_ORDER = 20
 LONG_SUM = 8
 
 UNKNOWN = sym(ConstantRef("?"))
-"""Stands in for what could not be understood; the builder is then ``poisoned``."""
+"""Placeholder for an expression with an error; the builder is then ``poisoned``."""
 
 INDEX = sym(IndexRef())
 TIME = sym(TimeRef())
@@ -77,11 +77,11 @@ PI = num(math.pi)
 
 
 class ExpressionBuilder:
-    """Makes expressions of syntax; notes every mistake and goes on with a stand-in.
+    """Builds expressions from syntax; adds every mistake and continues with a placeholder.
 
     ``macros`` are the definitions known by one value, ``pieces`` those under range headers, ``step`` is
-    ``h``; whoever works through the definitions fills them in.  ``poisoned`` is set when a mistake, new or
-    old, left a stand-in in an expression: further checks of that expression would only repeat it.
+    ``h``; the processing of definitions fills them in.  ``poisoned`` is set if an expression contains a placeholder
+    after a mistake: further checks of that expression would only repeat it.
     """
 
     def __init__(
@@ -123,24 +123,24 @@ class ExpressionBuilder:
         }
 
     def build(self, node: syntax.Expression) -> Expr:
-        """The expression; where a part makes no sense, that is noted and ``poisoned`` set."""
+        """The expression; if a part is invalid, a mistake is added and ``poisoned`` set."""
         return self._build[type(node)](node)
 
     def fail(self, node: syntax.Node, message: str, hint: str = "") -> Expr:
-        """Note a mistake and give the stand-in."""
+        """Add a mistake and return the placeholder."""
         self.diagnostics.error(message, node.start, node.end, hint)
         self.poisoned = True
         return UNKNOWN
 
     def use_model(self, model: ModelScope) -> None:
-        """From now on paths name the things of a model, and its quaternions turn with angular velocities."""
+        """Let paths name the elements of a model, and differentiate its quaternions by angular velocities."""
         from stc.language.model.paths import Paths
 
         self.paths = Paths(model, self.derivatives)
         self._rate = rate_with(model.rotations)
 
     def rename_as_pieces(self, name: str, pieces: list[DefinitionPiece]) -> None:
-        """From now on a definition is known by its pieces, no longer by one value."""
+        """Treat a definition as ranged instead of a macro."""
         del self.macros[name]
         self.pieces[name] = pieces
         self._leaves.pop(name, None)
@@ -216,14 +216,14 @@ class ExpressionBuilder:
         return UNKNOWN
 
     def _bare_data(self, node: syntax.Name, kind: str) -> Expr:
-        """The name of a data set or of a table where an expression is wanted."""
+        """The mistake of using the name of a data set or table as an expression."""
         if kind == TABLE:
             return self.fail(node, f"the table `{node.name}` has no arguments", f"write `{node.name}(...)`")
         hint = f"name one of its columns, as in `{node.name}.x`, or make a table of them under `data:`"
         return self.fail(node, f"`{node.name}` is a data set, not a number", hint)
 
     def _reference(self, node: syntax.Name) -> Expr:
-        """A column of a data set, as a function of time; in a statement on its rows, as the number in each."""
+        """A column of a data set, as a function of time; in a statement on its rows, as the number in each row."""
         assert self.data is not None
         if self.rows and node.name.partition(".")[0] == self.rows:
             return self._cell(node)
@@ -246,7 +246,7 @@ class ExpressionBuilder:
         return sym(CellRef(data.name, name))
 
     def _looked_up(self, node: syntax.Call) -> Expr:
-        """A table with its arguments, or with a prime for each derivative by its only one."""
+        """A table with its arguments, or with a prime for each derivative by its only argument."""
         name = node.function.rstrip("'")
         order = len(node.function) - len(name)
         self.table.entries[name].used = True
@@ -271,7 +271,7 @@ class ExpressionBuilder:
         return looked_up(ref, *arguments)
 
     def _path(self, node: syntax.Name) -> Expr:
-        """A thing of the model, or a column of data."""
+        """An element of the model, or a column of data."""
         if self.table.kind(node.name.partition(".")[0]) == DATA_SET:
             return self._reference(node)
         found = self._of_model(node, node.name, lambda paths: paths.resolve(node.name))
@@ -280,7 +280,7 @@ class ExpressionBuilder:
         return found
 
     def _of_model(self, node: syntax.Expression, text: str, resolve: Callable[[Paths], Expr]) -> Expr:
-        """What the model makes of a path or a call; a mistake in it is noted."""
+        """The model's expression for a path or a call; mistakes are added."""
         if self.paths is None and (self.model_is_missing or text.partition(".")[0] in self.constants.damaged):
             self.poisoned = True  # that the model or the data cannot be read has been told
             return UNKNOWN
@@ -452,7 +452,7 @@ class ExpressionBuilder:
         return one_sided(e, side)
 
     def derivative(self, e: Expr, order: int) -> Expr:
-        """The total time derivative, remembered in ``derivatives``."""
+        """The total time derivative, cached in ``derivatives``."""
         for _ in range(order):
             found = self.derivatives.get(e)
             if found is None:
@@ -461,7 +461,7 @@ class ExpressionBuilder:
         return e
 
     def rate(self, e: Expr) -> Expr:
-        """The first time derivative, of what nobody has written down."""
+        """The first time derivative, for internal use."""
         return total_derivative(e, self._rate, self._rates)
 
     def _prime(self, node: syntax.Prime) -> Expr:

@@ -1,4 +1,4 @@
-"""What holds where: coverage of ranged definitions, and which statements meet a jump."""
+"""Frames of statements: coverage of ranged definitions, and statements at jumps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stc.symbolic.expr import Expr, substitute, sym, symbols
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Frames ``first..last`` on which no piece of the definition ``name`` holds."""
+    """Frames ``first..last`` on which the definition ``name`` has no piece."""
 
     name: str
     first: int
@@ -38,8 +38,7 @@ class Frames:
     def fitting(self, e: Expr, first: int, last: int) -> tuple[int, int]:
         """The part of ``first..last`` on which the derivatives and indices of ``e`` stay within the motion.
 
-        Clipping as the language does it; that a fraction of ``i`` is whole only on some frames is not looked
-        at.
+        This is the clipping of the language; whether a fraction of ``i`` is a whole number is not checked.
         """
         for key in symbols(e):
             if not isinstance(key, VariableRef):
@@ -55,7 +54,9 @@ class Frames:
         return first, last
 
     def gap(self, e: Expr, first: int, last: int) -> Gap | None:
-        """The first frames of ``first..last`` on which ``e`` uses a definition that does not hold there."""
+        """The first interval within ``first..last`` on which the expression ``e`` uses a definition that has no value
+        there; None if there is none.
+        """
         seen: set[tuple[str, int, int]] = set()
         waiting = [(e, first, last)]
         while waiting:
@@ -82,7 +83,7 @@ class Frames:
         return any(where.first <= (frame - key.shift) / key.scale <= where.last for frame in self.jump_frames)
 
     def without_idle_sides(self, e: Expr, where: FrameRange) -> Expr:
-        """``e`` with ``before`` and ``after`` taken off what is not read at any jump."""
+        """``e`` without ``before`` and ``after`` around quantities that do not jump."""
         idle = [
             key
             for key in symbols(e)

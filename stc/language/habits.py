@@ -1,4 +1,4 @@
-"""Vectors, lists and conditionals, which the language writes otherwise: what to write, in the words of the spec."""
+"""Hints for vectors, lists and conditionals, which the language writes differently."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def listed(parser: ExpressionParser, opening: int) -> list[str]:
-    """The texts between the commas of what opens at a token, `(`, `[` or `{`; empty where it does not close."""
+    """The texts between the commas of a bracket at a token, `(`, `[` or `{`; empty if it does not close."""
     items: list[str] = []
     begin = k = opening + 1
     depth = 1
@@ -26,7 +26,7 @@ def listed(parser: ExpressionParser, opening: int) -> list[str]:
 
 
 def vector_hint(parser: ExpressionParser, name: str) -> str:
-    """What to write for ``name[3]`` in a declaration, of which the bracket is the current token."""
+    """The hint for ``name[3]`` in a declaration, of which the bracket is the current token."""
     if parser.kind not in ("[", "(", ".."):
         return ""
     if parser.kind == "..":
@@ -47,7 +47,7 @@ def vector_hint(parser: ExpressionParser, name: str) -> str:
 
 
 def _range_hint(parser: ExpressionParser, first: str) -> str:
-    """What to write for ``q1..q3``, of which the dots are the current token."""
+    """The hint for ``q1..q3``, of which the dots are the current token."""
     stem = first.rstrip("0123456789")
     begin, last = first[len(stem) :], parser.token_text(parser.at + 1)
     end = last.removeprefix(stem)
@@ -57,7 +57,7 @@ def _range_hint(parser: ExpressionParser, first: str) -> str:
 
 
 def list_hint(parser: ExpressionParser, name: str) -> str:
-    """What to write for ``name = [1, 2, 3]`` or ``name = (1, 2, 3)``; empty where something else follows the `=`."""
+    """The hint for ``name = [1, 2, 3]`` or ``name = (1, 2, 3)``; empty if something else follows the `=`."""
     opening = parser.kinds[parser.at + 1]
     items = listed(parser, parser.at + 1) if opening in ("[", "(") else []
     if not items or (opening == "(" and len(items) < 2):
@@ -67,7 +67,7 @@ def list_hint(parser: ExpressionParser, name: str) -> str:
 
 
 def components_hint(parser: ExpressionParser) -> str:
-    """What to write for ``x = [1, 2, 3]``, of which the bracket is the current token."""
+    """The hint for ``x = [1, 2, 3]``, of which the bracket is the current token."""
     named = parser.at > 1 and parser.kinds[parser.at - 2 : parser.at] == ["name", "="]
     name = parser.token_text(parser.at - 2) if named else "x"
     items = listed(parser, parser.at)
@@ -83,7 +83,7 @@ _SAID_OTHERWISE = {
     **dict.fromkeys(("relu", "pos", "ramp"), (1, "write `max({0}, 0)`")),
     **dict.fromkeys(
         ("heaviside", "step"),
-        (1, "it jumps; smooth is `(1 + tanh({g0}/e))/2` with a constant `e` as small as matters"),
+        (1, "it jumps; smooth is `(1 + tanh({g0}/e))/2` with a small constant `e`"),
     ),
     **dict.fromkeys(("norm", "hypot", "length"), (2, "write `sqrt({g0}^2 + {g1}^2)`")),
     "dot": (2, "products of vectors are written out: `a1*b1 + a2*b2`"),
@@ -98,14 +98,14 @@ _SAID_OTHERWISE = {
 
 
 def function_hint(name: str, arguments: list[str]) -> str:
-    """What to write for a function that the language does not have, by the texts of its arguments; else empty."""
+    """The hint for an unknown function, with the texts of its arguments; else empty."""
     wanted, hint = _SAID_OTHERWISE.get(name.lower(), (-1, ""))
     grouped = {f"g{k}": _grouped(argument) for k, argument in enumerate(arguments)}
     return hint.format(*arguments, **grouped) if wanted == len(arguments) else ""
 
 
 def conditional_hint(parser: ExpressionParser) -> str:
-    """What to write for ``if(x >= 0, a, b)`` and the like, of which the word is the current token."""
+    """The hint for ``if(x >= 0, a, b)`` and similar, of which the word is the current token."""
     at = parser.at
     parts = listed(parser, at + 1) if parser.kinds[at + 1] == "(" else []
     ends = ("<=", ">=", ",", ";", "end")
@@ -124,7 +124,7 @@ def conditional_hint(parser: ExpressionParser) -> str:
         "where frames decide, each formula stands under a range header, as in\n"
         f"definitions: [0, 10]: chosen = {yes}; [11, n]: chosen = {no};\n"
         f"where unknowns do, this has a step and no slope; smooth is\n{smooth}\n"
-        "with a constant `e` as small as matters, as in `constants: e = 0.01;`"
+        "with a small constant `e`, as in `constants: e = 0.01;`"
     )
 
 

@@ -1,9 +1,9 @@
-"""`abs`, `min`, `max`, `sign` and `floor`: what they are of what is known, and what to write for them elsewhere.
+"""`abs`, `min`, `max`, `sign` and `floor`: their values for known arguments, and replacements for unknown ones.
 
-Of constants they are numbers, of `t`, `i` and data functions like any other. Of an unknown, ``abs(e)`` stands for
-``sqrt(e^2)``, ``max(a, b)`` for ``(a + b + sqrt((a - b)^2))/2``: in products that are smooth all the same, such as
-``v*abs(v)`` and ``max(0, x)^2``, they may stay (:mod:`stc.language.smoothing`). Anywhere else no solver that follows
-slopes can take them; then the message has the lines that state the same without a kink.
+With constant arguments their value is a number; with `t`, `i` and data as arguments they are ordinary functions.
+With an unknown, ``abs(e)`` stands for ``sqrt(e^2)``, ``max(a, b)`` for ``(a + b + sqrt((a - b)^2))/2``. They may stay
+in products that are smooth, such as ``v*abs(v)`` and ``max(0, x)^2`` (:mod:`stc.language.smoothing`). Elsewhere they
+have no derivative; the message then has the lines that state the same without a kink.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ OF_NUMBERS: dict[str, Callable[..., float]] = {
 
 
 def count_fits(function: str, given: int) -> bool:
-    """Whether a function takes so many arguments."""
+    """Whether a function accepts a number of arguments."""
     least, most = KINKED[function]
     return least <= given <= most
 
 
 def kinked(builder: ExpressionBuilder, node: syntax.Call, arguments: Sequence[Expr]) -> Expr:
-    """A call of one of :data:`KINKED`; mistakes are noted in the builder."""
+    """A call of one of :data:`KINKED`; mistakes are added in the builder."""
     name = node.function
     if builder.poisoned:
         return num(0.0)
@@ -72,7 +72,7 @@ def kinked(builder: ExpressionBuilder, node: syntax.Call, arguments: Sequence[Ex
 
 
 def _noted(builder: ExpressionBuilder, node: syntax.Call, e: Expr) -> Expr:
-    """The size of an expression; where it holds an unknown its kink is remembered."""
+    """The absolute value of an expression; if it contains an unknown, its kink is recorded."""
     found = call("sqrt", pow_(e, num(2.0)))
     if not all(isinstance(key, ConstantRef | IndexRef | TimeRef | CellRef) for key in symbols(e)):
         builder.kinks[found] = node
@@ -80,7 +80,7 @@ def _noted(builder: ExpressionBuilder, node: syntax.Call, e: Expr) -> Expr:
 
 
 def kinks_in(builder: ExpressionBuilder, e: Expr) -> list[syntax.Call]:
-    """The calls that an expression has kinks from; of calls within each other the outermost one, which goes first."""
+    """The calls from which an expression has kinks; of nested calls the outermost one."""
     if not builder.kinks:
         return []
     found = {(n.start, n.end): n for n in (builder.kinks[e] for e in reachable([e]) if e in builder.kinks)}
@@ -97,13 +97,11 @@ def kinks_in(builder: ExpressionBuilder, e: Expr) -> list[syntax.Call]:
 
 
 def _text(builder: ExpressionBuilder, node: syntax.Node) -> str:
-    from stc.language.statements import statement_text
-
-    return statement_text(builder.diagnostics.source, node)
+    return syntax.statement_text(builder.diagnostics.source, node)
 
 
 def _tight(builder: ExpressionBuilder, node: syntax.Expression) -> str:
-    """The text of an operand as it stands behind a minus."""
+    """The text of an operand after a minus."""
     text = _text(builder, node)
     return text if isinstance(node, syntax.Name | syntax.Number | syntax.Call | syntax.Prime) else f"({text})"
 
@@ -131,7 +129,7 @@ def _wrong_count(builder: ExpressionBuilder, node: syntax.Call, given: int) -> t
 
 
 def _no_slope(builder: ExpressionBuilder, node: syntax.Call, known: bool) -> tuple[str, str]:
-    """What is wrong with a call that jumps, and what to write; ``known`` where it holds no unknown."""
+    """The message and hint for a call that jumps; ``known`` if it contains no unknown."""
     text = _text(builder, node)
     argument = node.arguments[0]
     if known:
@@ -147,14 +145,14 @@ def _no_slope(builder: ExpressionBuilder, node: syntax.Call, known: bool) -> tup
     of = _text(builder, argument)
     hint = (
         f"`{_tight(builder, argument)}*abs({of})` is smooth and stands for `{text}*{_tight(builder, argument)}^2`; "
-        f"else take\n`tanh({_tight(builder, argument)}/e)` with a constant `e` as small as matters, as in "
+        f"else take\n`tanh({_tight(builder, argument)}/e)` with a small constant `e`, as in "
         f"`constants: e = 0.01;`"
     )
     return f"`{text}` jumps where `{of}` is 0", hint
 
 
 def _free_name(builder: ExpressionBuilder, node: syntax.Call) -> str:
-    """A name for what a call stands for, which the spec does not have yet."""
+    """A name for the value of a call that the spec does not use yet."""
     first = next((name for argument in node.arguments for name in syntax.names(argument)), "")
     word = "".join(c if c.isalnum() or c == "_" else "_" for c in first.rpartition(".")[2])
     plain = f"{node.function}_{word}" if word else f"{node.function}imum"
@@ -168,13 +166,13 @@ def _free_name(builder: ExpressionBuilder, node: syntax.Call) -> str:
 def advice(
     builder: ExpressionBuilder, node: syntax.Call, statement: syntax.Node, section: str, header: str
 ) -> tuple[str, str]:
-    """What is wrong with a call whose kink a statement keeps, and the lines to write.
+    """The message and hint for a call whose kink remains in a statement.
 
     Args:
         builder: with the spec's text and names.
         node: the call.
-        statement: that it stands in, by itself or in a definition.
-        section: of the statement.
+        statement: the statement that contains it, directly or in a definition.
+        section: section of the statement.
         header: its range header.
     """
     text, name = _text(builder, node), node.function
@@ -200,7 +198,7 @@ def advice(
     if weight and (weight > 0) == (name != "min"):
         sign = ">=" if weight > 0 else "<="
         rows = " ".join(f"{new} {sign} {part};" for part in members)
-        end = f"and `{new}` in place of `{text}`: as {'small' if weight > 0 else 'large'} as it may be, it is just that"
+        end = f"and `{new}` in place of `{text}`: at the optimum both are equal"
         return message, f"write\nvariables: {new};\nconstraints: {header} {rows}\n{end}"
     rows = _exactly(builder, node, new)
     return (
@@ -210,7 +208,7 @@ def advice(
 
 
 def _rounded(builder: ExpressionBuilder, node: syntax.Call) -> str:
-    """What to write on the rows of a data set, which have no unknowns of their own."""
+    """The hint for rows of a data set, which have no unknowns of their own."""
     parts = [_text(builder, argument) for argument in node.arguments]
     tight = [_tight(builder, argument) for argument in node.arguments]
     shown = f"`sqrt({tight[0]}^2 + e^2)`"
@@ -218,11 +216,11 @@ def _rounded(builder: ExpressionBuilder, node: syntax.Call) -> str:
         sign = "+" if node.function == "max" else "-"
         shown = f"`({parts[0]} + {tight[1]} {sign} sqrt(({parts[0]} - {tight[1]})^2 + e^2))/2`"
         shown += ", and the same again with each further one" if len(parts) > 2 else ""
-    return f"rows have no unknowns of their own: round the kink off, {shown} with a constant `e` as small as matters"
+    return f"rows of data have no unknowns: round the kink, {shown} with a small constant `e`"
 
 
 def _exactly(builder: ExpressionBuilder, node: syntax.Call, new: str) -> str:
-    """The statement that something is what a call says: one of two inequalities is an equality."""
+    """The statement that a name equals a call: one of two inequalities is an equality."""
     one = _tight(builder, node.arguments[0])
     if node.function == "abs":
         return f"0 <= {new} - {one} complements {new} + {one} >= 0;"
@@ -238,7 +236,7 @@ def _exactly(builder: ExpressionBuilder, node: syntax.Call, new: str) -> str:
 
 
 def _sides(node: syntax.Call, statement: syntax.Node) -> tuple[str, syntax.Expression] | None:
-    """The sign and the other side of a relation one of whose sides a call is."""
+    """The sign and the other side of a relation with a call on one side."""
     if not isinstance(statement, syntax.Relation) or len(statement.operators) != 1:
         return None
     left, right = statement.operands
@@ -253,7 +251,7 @@ def _sides(node: syntax.Call, statement: syntax.Node) -> tuple[str, syntax.Expre
 def _relation_lines(
     builder: ExpressionBuilder, node: syntax.Call, sign: str, other: syntax.Expression
 ) -> str:
-    """What to write for ``call <= other`` and the like; empty where nothing simple says it."""
+    """The replacement for ``call <= other`` and similar; empty if there is no simple one."""
     limit = _text(builder, other)
     parts = [_text(builder, argument) for argument in node.arguments]
     name = node.function
@@ -268,11 +266,11 @@ def _relation_lines(
         return f"write `{rows}`"
     members = [*parts, _negative(builder, node.arguments[0])] if name == "abs" else parts
     rows = " or ".join(f"`{part} {sign} {limit};`" for part in members)
-    return f"this leaves a choice, which you make: state {rows} on the frames where it is to hold"
+    return f"this leaves a choice to you: state {rows} on the frames where it is to hold"
 
 
 def _weight(e: syntax.Expression, wanted: syntax.Call) -> int:
-    """The sign with which a call enters a sum: 1 or -1, 0 where that is not plain."""
+    """The sign with which a call enters a sum: 1 or -1, 0 if it is not known."""
     if e == wanted and e.start == wanted.start:
         return 1
     if isinstance(e, syntax.Sum):

@@ -1,8 +1,7 @@
-"""Characters to tokens.
+"""The lexer: characters to tokens.
 
 A token's kind is ``number``, ``name``, ``string``, ``prime`` (one or more ``'``), ``end``, or for every
-operator and delimiter its own text.  Tokens are held as parallel lists, which is what makes lexing cheap in
-Python.
+operator and delimiter its own text.  Tokens are kept as parallel lists, which makes lexing fast in Python.
 """
 
 from __future__ import annotations
@@ -73,9 +72,9 @@ class Tokens:
 
 
 def tokenize(source: Source, diagnostics: Diagnostics, *, repetitions: bool = False) -> Tokens:
-    """Split a text into tokens; characters that belong to none are noted in ``diagnostics`` and left out.
+    """Split a text into tokens; other characters are added to ``diagnostics`` and skipped.
 
-    Braces are tokens with ``repetitions`` alone: where these have been written out there are none.
+    Braces are tokens only with ``repetitions``: a text whose repetitions are written out has none.
     """
     kinds: list[str] = []
     starts: list[int] = []
@@ -109,7 +108,7 @@ def tokenize(source: Source, diagnostics: Diagnostics, *, repetitions: bool = Fa
 
 
 def _bad_character(text: str, position: int, diagnostics: Diagnostics) -> int:
-    """Note a run of characters that start no token; returns where to go on."""
+    """Add a mistake for characters that start no token; returns where to continue."""
     if text[position] == '"':
         end = text.find("\n", position)
         end = len(text) if end < 0 else end

@@ -1,4 +1,4 @@
-"""Terms of the objective that are summed over the rows of a data set: what may stand in them."""
+"""Terms of the objective that are summed over the rows of a data set: their valid contents."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stc.symbolic.expr import Expr, symbols
 
 
 def stands_on_rows(context: Context, e: Expr, integral: bool, rows: str, node: syntax.Node) -> bool:
-    """Whether a term has a value on each row of the data set ``rows``; mistakes are noted."""
+    """Whether a term has a value on each row of the data set ``rows``; mistakes are added."""
     found = _mistake(context, e, integral, rows)
     if found is not None:
         context.error(node, *found)
@@ -25,7 +25,7 @@ def stands_on_rows(context: Context, e: Expr, integral: bool, rows: str, node: s
 
 
 def _mistake(context: Context, e: Expr, integral: bool, rows: str) -> tuple[str, str] | None:
-    """What is wrong with a term, and what to do."""
+    """The message and hint for an invalid term."""
     if integral:
         return (
             "an integral is over time, not over rows",
@@ -50,12 +50,12 @@ def _mistake(context: Context, e: Expr, integral: bool, rows: str) -> tuple[str,
         return f"a definition reads `{again[0]}` as a function of time", hint
     data = None if context.data is None else context.data.sets.get(rows)
     if moves and data is not None and (data.time is None or data.time.shape != (data.rows,)):
-        return f"`{rows}` does not say when: it has no column `{TIME}`", f"add a column `{TIME}`, in seconds"
+        return f"`{rows}` has no column `{TIME}`, which is needed here", f"add a column `{TIME}`, in seconds"
     return None
 
 
 def placing_rows(context: Context, step: Expr) -> frozenset[str]:
-    """The constants that decide in which step a row is."""
+    """The constants that determine the step of each row."""
     bodies = [step, *(piece.body for piece in context.builder.pieces.get("h", ()))]
     names = {key.name for body in bodies for key in symbols(body) if isinstance(key, ConstantRef)}
     return frozenset(each for name in names for each in context.constants.made_from(name))

@@ -1,12 +1,12 @@
-"""Energies in, equations of motion out: the `lagrangian:` and `forces:` sections.
+"""The `lagrangian:` and `forces:` sections: from energies to equations of motion.
 
 For every variable q whose first derivative appears in a Lagrangian L the spec gains the Euler-Lagrange row
 
     d/dt (dL/dq') - dL/dq - Q = 0
 
 on the range of L's header; Q is the generalised force that `forces:` gives to q.  Lines of `forces:` before any
-range header add up and hold everywhere.  Lines under headers act on those frames on top of them; of several
-that name the same coordinate on the same frame the later one wins, as with ranged definitions.
+range header are summed and hold everywhere.  Lines under headers act on those frames in addition; of several
+that name the same coordinate on the same frame the later one replaces the others, as with ranged definitions.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def momentum_name(coordinate: str) -> str:
 
 
 def equations_of_motion(context: Context) -> list[Relation]:
-    """The rows that all Lagrangians of a spec stand for; mistakes are noted in the context."""
+    """The equations of all Lagrangians of a spec; mistakes are added to the context."""
     if context.model is not None:
         for block in context.tree.blocks("lagrangian"):
             for statement in block.statements:
@@ -88,7 +88,7 @@ def equations_of_motion(context: Context) -> list[Relation]:
 
 
 def forces_on_coordinates(context: Context) -> dict[str, list[Expr]]:
-    """What `forces:` adds to the equations of a model, by the coordinate that it acts on."""
+    """The forces that `forces:` adds to the equations of a model, by coordinate."""
     found = _forces(context)
     for name in [*found, *context.table.of_kind("variable")]:
         if force_name(name) in context.builder.pieces:
@@ -101,13 +101,13 @@ def forces_on_coordinates(context: Context) -> dict[str, list[Expr]]:
                 if context.table.kind(name) == "variable":
                     hint = did_you_mean(name, known) or "forces act on joints, as in `joint.knee: ...;`"
                     context.error(
-                        statement.name, f"this force acts on nothing: `{name}` is no coordinate", hint
+                        statement.name, f"this force acts on nothing: `{name}` is not a coordinate", hint
                     )
     return found
 
 
 def _points(derivatives: Mapping[Expr, Expr]) -> dict[Expr, Expr]:
-    """Velocities that the spec has written with a prime, and the functions of the configuration they belong to.
+    """Velocities written with a prime in the spec, and the functions of the configuration that they belong to.
 
     Without constant factors and divisors: these move when a velocity is multiplied by something.
     """
@@ -132,7 +132,7 @@ def _of_configuration(key: object) -> bool:
 
 
 def _momentum(context: Context, name: str, pieces: list[DefinitionPiece]) -> Expr:
-    """What `momentum(name)` means: one expression, or pieces where Lagrangians stand under range headers."""
+    """The value of `momentum(name)`: one expression, or pieces if Lagrangians are under range headers."""
     if len(pieces) == 1 and (pieces[0].range.first, pieces[0].range.last) == (0, context.n):
         return pieces[0].body
     context.builder.pieces[momentum_name(name)] = pieces

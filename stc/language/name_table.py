@@ -16,7 +16,7 @@ DATA_SET, TABLE = "data set", "table"
 
 @dataclass(slots=True)
 class Entry:
-    """A declared name: its kind, where it was declared first, and whether anything uses it."""
+    """A declared name: its kind, the position of its first declaration, and whether it is used."""
 
     name: str
     kind: str
@@ -28,7 +28,7 @@ class Entry:
 
 @dataclass(slots=True)
 class NameTable:
-    """Every declared name, in the order of the text, and the model that has brought some of them."""
+    """Every declared name, in the order of the text, and the model that declares some of them."""
 
     entries: dict[str, Entry] = field(default_factory=dict)
     model: ModelScope | None = None

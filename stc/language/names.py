@@ -1,4 +1,4 @@
-"""Every declared name of a spec, and the order in which names that use each other are worked out."""
+"""The declared names of a spec, and an order of names by their dependencies."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ KINDS = {
 def collect_names(
     spec: syntax.SpecTree, diagnostics: Diagnostics, overrides: Mapping[str, float] | None = None
 ) -> NameTable:
-    """The table of all names that the sections of a spec declare, and its model's; clashes are noted.
+    """The table of all names that the sections of a spec declare, and its model's; conflicts are added as mistakes.
 
     Args:
-        overrides: values from outside, which numbers of a model may be among.
+        overrides: values given by the caller, possibly for numbers of a model.
     """
     table = NameTable()
     for section in spec.sections:
@@ -55,14 +55,14 @@ def collect_names(
 
 
 def _check_paths(table: NameTable, numbers: Mapping[str, float], diagnostics: Diagnostics) -> None:
-    """Note declared paths that are no numbers of the model: its constants may be given, or be parameters."""
+    """Add mistakes for declared paths that are not numbers of the model."""
     for name, entry in table.entries.items():
         if "." in name and (entry.kind not in ("constant", "parameter") or name not in numbers):
             hint = (
                 did_you_mean(name, numbers)
                 or "numbers of the model can be given, or be parameters: `body.NAME.mass`"
             )
-            message = f"`{name}` is no number of the model that can be a {entry.kind}"
+            message = f"`{name}` is not a number of the model that can be a {entry.kind}"
             diagnostics.error(message, entry.start, entry.end, hint)
 
 
@@ -111,7 +111,7 @@ def _declare(
 def dependency_order(
     names: Iterable[str], needs: Callable[[str], Iterable[str]]
 ) -> tuple[list[str], list[list[str]]]:
-    """The names, each after all that it needs, and the cycles that were found on the way.
+    """The names, each after its dependencies, and the cycles that were found.
 
     A cycle is listed as ``[a, b, ..., a]``; its names still appear in the order.  Depth-first search, without
     recursion, so that a chain of any length is fine.

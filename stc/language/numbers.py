@@ -1,4 +1,4 @@
-"""Numbers from syntax: expressions of constants, and positions that are affine in the index ``i``."""
+"""Numbers from syntax: expressions of constants, and indices that are affine in ``i``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MATH: dict[str, Callable[..., float]] = {name: getattr(math, name) for name in 
 
 
 class NotANumber(Exception):
-    """An expression has no value: where, why, and what to do about it."""
+    """An expression without a value: its position, the reason, and a hint."""
 
     def __init__(self, node: syntax.Node, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -25,19 +25,19 @@ class NotANumber(Exception):
 
 
 class Unknown(Exception):
-    """An expression has no value because of a mistake that has been noted elsewhere."""
+    """An expression without a value because of a mistake that was added elsewhere."""
 
 
 Resolve = Callable[[syntax.Name], tuple[float, float]]
-"""Gives a name as ``(a, b)``, meaning ``a*i + b``; raises :class:`NotANumber` or :class:`Unknown`."""
+"""Returns the value of a name as ``(a, b)``, meaning ``a*i + b``; raises :class:`NotANumber` or :class:`Unknown`."""
 
 
 def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
     """``(a, b)`` such that the expression is ``a*i + b``.
 
     Raises:
-        NotANumber: it is not affine in ``i``, is no real number, or holds something that has no fixed value.
-        Unknown: a name in it has no value, for a reason that was noted already.
+        NotANumber: it is not affine in ``i``, is not a real number, or contains something without a fixed value.
+        Unknown: a name in it has no value, for a reason that was added already.
     """
     if isinstance(node, syntax.Number):
         return 0.0, node.value
@@ -69,7 +69,7 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
             elif a and c:
                 raise NotANumber(node, "an index has to be of the form `a*i + b`")
             else:
-                # Zero times infinity is no number: a factor without `i` has no share in `a`.
+                # Zero times infinity is not a number: a factor without `i` has no share in `a`.
                 a, b = (a * d if a else 0.0) + (b * c if c else 0.0), b * d
         return _checked(node, a, b, endless)
     if isinstance(node, syntax.Power):
@@ -90,9 +90,9 @@ def affine(node: syntax.Expression, resolve: Resolve) -> tuple[float, float]:
     if isinstance(node, syntax.Index):
         raise NotANumber(node, "the value at a frame is not known before solving")
     if isinstance(node, syntax.Vector):
-        raise NotANumber(node, "a vector is no number")
+        raise NotANumber(node, "a vector is not a number")
     if isinstance(node, syntax.Member):
-        raise NotANumber(node, "where something is is not known before solving")
+        raise NotANumber(node, "positions are not known before the solve")
     raise NotANumber(node, f"`{node.function}` cannot stand here")
 
 
@@ -104,7 +104,7 @@ def _plain(node: syntax.Expression, resolve: Resolve) -> float:
 
 
 def _checked(node: syntax.Expression, a: float, b: float, endless: bool) -> tuple[float, float]:
-    """The same where it is a number; infinite only where something in it is (``endless``)."""
+    """The value if it is a number; infinity is allowed only if the expression contains it (``endless``)."""
     if math.isnan(a) or math.isnan(b):
         raise NotANumber(node, "this has no value (infinity less infinity, or zero times infinity)")
     if math.isinf(a) or (math.isinf(b) and not endless):
@@ -130,13 +130,13 @@ def _applied(node: syntax.Expression, name: str, function: Callable[..., float],
 
 
 def arity_message(function: str, given: int) -> str:
-    """What to say when a function is called with the wrong number of arguments."""
+    """The message for a function called with the wrong number of arguments."""
     wanted = FUNCTIONS[function]
     return f"`{function}` takes {wanted} argument{'s' if wanted != 1 else ''}, not {given}"
 
 
 def exact(value: float) -> Fraction | int | None:
-    """The fraction that a number means, rounding noise forgiven; None when there is no simple one."""
+    """The fraction that a number represents up to rounding; None if there is no simple one."""
     if not math.isfinite(value):
         return None
     nearest = round(value)

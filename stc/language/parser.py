@@ -1,6 +1,6 @@
-"""Tokens to a syntax tree: sections and statements, by recursive descent.
+"""The parser of sections and statements: recursive descent from tokens to a syntax tree.
 
-A mistake is noted and reading goes on after the next ``;``, or at the next section head or range header, so
+After a mistake, reading continues after the next ``;``, or at the next section head or range header, so
 that one run reports all of them.
 """
 
@@ -20,7 +20,6 @@ from stc.language.expression_parser import (
 )
 from stc.language.habits import list_hint, vector_hint
 from stc.language.lexer import Tokens, tokenize
-from stc.language.statements import statement_text
 from stc.language.words import (
     COMPLEMENTS,
     KEYFRAME,
@@ -53,7 +52,7 @@ def parse(source: Source) -> syntax.SpecTree:
 
 
 def parse_with_recovery(source: Source, diagnostics: Diagnostics) -> syntax.SpecTree:
-    """The tree of all statements that could be read; the mistakes are added to ``diagnostics``.
+    """The tree of all readable statements; mistakes are added to ``diagnostics``.
 
     Raises:
         SpecError: with the mistakes in how repetitions are written, where there are any.
@@ -66,7 +65,7 @@ def parse_with_recovery(source: Source, diagnostics: Diagnostics) -> syntax.Spec
 
 
 def parse_expression(source: Source) -> syntax.Expression:
-    """A text that is one expression and nothing else.
+    """A text that consists of a single expression.
 
     Raises:
         SpecError: with the first syntax error.
@@ -86,7 +85,7 @@ def parse_expression(source: Source) -> syntax.Expression:
 
 
 def _spared(found: syntax.Relation) -> syntax.Expression:
-    """How far an inequality is from being an equality."""
+    """The distance of an inequality from equality."""
     low, high = found.operands if found.operators == ["<="] else reversed(found.operands)
     if isinstance(low, syntax.Number) and low.value == 0.0:
         return high
@@ -100,7 +99,7 @@ class _Parser(ExpressionParser):
         self.pose_names = self._pose_names()
 
     def _pose_names(self) -> set[str]:
-        """The names that `poses:` sections declare, which a statement may consist of."""
+        """The names that `poses:` sections declare, which may form a statement alone."""
         found: set[str] = set()
         within = False
         for index, kind in enumerate(self.kinds[:-1]):
@@ -112,7 +111,7 @@ class _Parser(ExpressionParser):
         return found
 
     def end_statement(self, what: str) -> None:
-        """Read the ``;`` after ``what``; where the line ends instead, note that and take it as read."""
+        """Read the ``;`` after ``what``; at the end of a line without one, add a mistake and continue."""
         if self.kind == ";":
             self.advance()
             return
@@ -129,7 +128,7 @@ class _Parser(ExpressionParser):
         self.diagnostics.error(f"expected `;` after {what}", self.ends[last], self.ends[last] + 1)
 
     def skip_statement(self, start: int, declares: bool) -> None:
-        """Go on after the next ``;``, or at the next section head or range header."""
+        """Skip to after the next ``;``, or to the next section head or range header."""
         index = max(self.at, start)
         # a mistake on the first token of a statement must not stop the reader in its place
         if index == start and self.kinds[index] not in (";", "end"):
@@ -162,7 +161,7 @@ class _Parser(ExpressionParser):
         return syntax.SpecTree(self.source, sections, frozenset(self.damaged))
 
     def skip_to_head(self) -> None:
-        """Go to the next thing that looks like a section head."""
+        """Skip to the next apparent section head."""
         index = self.at + (self.kind != "end")
         while self.kinds[index] != "end":
             after_statement = self.kinds[index - 1] == ";"
@@ -316,7 +315,7 @@ class _Parser(ExpressionParser):
         self.declarations(into, "parameter", False)
 
     def name_or_path(self, what: str) -> syntax.Name:
-        """A name, or the path of a thing of the model."""
+        """A name, or the path of an element of the model."""
         name = self.name(what)
         return self.path(self.at - 1) if self.kind == "." else name
 
@@ -369,7 +368,7 @@ class _Parser(ExpressionParser):
         into.append(found)
 
     def pose_at_hand(self) -> bool:
-        """Whether a pose is what comes: the name of one alone, or with what can be said of poses only."""
+        """Whether a pose follows: a single name of one, or something that only poses have."""
         if self.kind != "name":
             return False
         following = self.at + 1
@@ -420,7 +419,7 @@ class _Parser(ExpressionParser):
         return found
 
     def complementarity(self, one: syntax.Relation) -> list[syntax.Relation]:
-        """``0 <= a complements b >= 0``: both relations, and one of what they have to spare is nothing."""
+        """``0 <= a complements b >= 0``: both relations, and their product."""
         self.advance()
         both = one, self.relation()
         self.end_statement("the constraint")
@@ -435,7 +434,7 @@ class _Parser(ExpressionParser):
             )
             return []
         spared = syntax.Product(start, end, [("*", _spared(found)) for found in both])
-        written = statement_text(self.diagnostics.source, syntax.Node(start, end))
+        written = syntax.statement_text(self.diagnostics.source, syntax.Node(start, end))
         product = syntax.Relation(start, end, [spared, syntax.Number(start, end, 0.0)], ["<="], written, True)
         return [*both, product]
 
@@ -452,14 +451,18 @@ class _Parser(ExpressionParser):
     def model_statement(self, into: list[syntax.Statement]) -> None:
         start = self.starts[self.at]
         path = self.string('the name of a model file in quotes, as in `model: "robot.xml";`')
-        without: list[syntax.Name] = []
-        if self.kind == "name" and self.token_text(self.at) == "without":
+        listed: dict[str, list[syntax.Name]] = {"with": [], "without": []}
+        wanted = {
+            "with": "what to add to the model, as in `with floor`",
+            "without": "what to leave out of the model, as in `without fluid`",
+        }
+        while self.kind == "name" and (word := self.token_text(self.at)) in listed:
             self.advance()
-            without.append(self.name("what to leave out of the model, as in `without fluid`"))
+            listed[word].append(self.name(wanted[word]))
             while self.kind == ",":
                 self.advance()
-                without.append(self.name("what to leave out of the model, as in `without fluid`"))
-        into.append(syntax.ModelFile(start, self.ends[self.at - 1], path, without))
+                listed[word].append(self.name(wanted[word]))
+        into.append(syntax.ModelFile(start, self.ends[self.at - 1], path, listed["without"], listed["with"]))
         self.end_statement("the model")
 
     def poses_statement(self, into: list[syntax.Statement]) -> None:
@@ -578,7 +581,7 @@ class _Parser(ExpressionParser):
             hint = did_you_mean(word.name, known) or "lines start with " + ", ".join(
                 f"`{name}`" for name in known
             )
-            self.diagnostics.error(f"`{word.name}` is no kind of replay line", word.start, word.end, hint)
+            self.diagnostics.error(f"`{word.name}` is not a kind of replay line", word.start, word.end, hint)
             raise Misread
         path_parts = [self.path_part(word.name)]
         while self.kind == ".":

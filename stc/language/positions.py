@@ -1,4 +1,4 @@
-"""Frames from syntax: what a range header covers, and which frame an index means."""
+"""Frames from syntax: the frames of a range header, and the frame of an index."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Position = tuple[Fraction | int, Fraction | int]
 
 
 class Positions:
-    """Works out headers and indices, and remembers which constants they needed (``structural``).
+    """Evaluates headers and indices, and records the constants in them (``structural``).
 
     ``formulas`` are the definitions without a range header: those of constants alone may stand in a range
     too.
@@ -47,11 +47,11 @@ class Positions:
 
     @property
     def named(self) -> list[NamedFrame]:
-        """The frames that headers and indices have named so far, in the order of the text."""
+        """The frames named by headers and indices so far, in the order of the text."""
         return sorted((one for some in self._named.values() for one in some), key=lambda one: one.span.start)
 
     def structural_value(self, name: str) -> float | None:
-        """The value of a constant that shapes the problem."""
+        """The value of a structural constant."""
         self.structural |= self.constants.made_from(name)
         return self.constants.values.get(name)
 
@@ -77,7 +77,7 @@ class Positions:
                 if isinstance(made, NotANumber):
                     hint = f"{what} is made of constants{' and `i`' if indexed else ''}"
                     root = made.__cause__ if isinstance(made.__cause__, NotANumber) else made
-                    message = f"`{name}` is no number before solving: {root.message}"
+                    message = f"`{name}` is not a number before solving: {root.message}"
                     raise NotANumber(node, message, hint) from root
                 if isinstance(made, Unknown):
                     raise made
@@ -97,7 +97,7 @@ class Positions:
     def _value_of_definition(
         self, name: str, indexed: bool, resolve: Resolve
     ) -> tuple[float, float] | NotANumber | Unknown:
-        """What a definition comes to, or why it comes to nothing; each is worked out once, after those that it uses."""
+        """The value of a definition, or the reason why it has none; each is evaluated once."""
         known = self._values[indexed]
         if name not in known:
 
@@ -113,7 +113,7 @@ class Positions:
         return known[name]
 
     def frames(self, header: syntax.RangeHeader) -> FrameRange | None:
-        """The frames of a header, or None after noting why there are none."""
+        """The frames of a header, or None after adding a mistake."""
         if id(header) not in self._headers:
             self._headers[id(header)] = self._frames(header)
         return self._headers[id(header)]
@@ -160,7 +160,7 @@ class Positions:
         return FrameRange(first, last, span)
 
     def _not_whole(self, node: syntax.Expression) -> str:
-        """The hint for a position that is no frame for the values of its constants; empty where it has none."""
+        """The hint for a position that is not a whole number for the values of its constants; else empty."""
         values = {name: self.constants.values.get(name) for name in syntax.names(node)}
         known = [f"{name} = {value:.12g}" for name, value in values.items() if value is not None]
         if not known:
@@ -169,7 +169,7 @@ class Positions:
         return f"`{text}` is not a whole number for {', '.join(known)}"
 
     def index(self, node: syntax.Expression) -> Position | None:
-        """``(scale, shift)`` of an index ``scale*i + shift``, or None after noting what is wrong with it."""
+        """``(scale, shift)`` of an index ``scale*i + shift``, or None after adding a mistake."""
         try:
             a, b = affine(node, self._resolver("an index", True))
         except NotANumber as problem:

@@ -1,9 +1,8 @@
-"""Recorded motions in statements: where a recording has no number, nothing is made up.
+"""Recorded motions in statements, and their gaps.
 
-A column of a data set with times is a function of time.  Between its rows it is a spline; over a gap, and before its
-first number or after its last one, it has no value that anybody has measured.  What an integral asks of it there counts
-not at all: each term of the integrand that reads such a column is multiplied by a function that is 1 where the column
-has numbers and 0 elsewhere.
+A column of a data set with times is a function of time.  Between its rows it is a spline; in a gap, and before its
+first or after its last number, it has no measured value.  There it does not count in an integral: each term of the
+integrand that reads such a column is multiplied by a function that is 1 where the column has numbers and 0 elsewhere.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ __all__ = ["counted_where_known", "first_gap", "references"]
 
 
 def references(e: Expr, pieces: Mapping[str, Sequence[DefinitionPiece]]) -> list[TableRef]:
-    """The functions of time that an expression reads, also by definitions that stand under range headers."""
+    """The functions of time that an expression reads, also through ranged definitions."""
     return sorted(dict.fromkeys(_references(e, pieces)), key=lambda ref: ref.name)
 
 
@@ -39,7 +38,7 @@ def _references(e: Expr, pieces: Mapping[str, Sequence[DefinitionPiece]]) -> Ite
 
 
 def counted_where_known(e: Expr, data: Data, pieces: Mapping[str, Sequence[DefinitionPiece]]) -> Expr:
-    """An integrand each of whose terms is 0 where a column that it reads has no number."""
+    """An integrand in which each term is 0 where a column that it reads has no number."""
     wanted = references(e, pieces)
     if not wanted:
         return e
@@ -70,19 +69,19 @@ def first_gap(
     step: float | None,
     midpoints: bool,
 ) -> tuple[TableRef, float | None] | None:
-    """Where a statement first reads a recording in one of its gaps; None where it reads none.
+    """The first place at which a statement reads a recording in a gap; None if there is none.
 
     Args:
-        e: what the statement holds, or one of its bounds.
+        e: the body of the statement, or one of its bounds.
         data: the recordings.
         pieces: the definitions that stand under range headers.
         where: the frames of the statement.
-        step: the time from each frame to the next, in seconds; None where it is not one number that is known.
+        step: the time from each frame to the next, in seconds; None if it is not a known constant.
         midpoints: whether the statement holds between its frames as well.
 
     Returns:
-        the recording, and the time in seconds: None where the time of a frame is not known, so that a recording with
-        gaps cannot be read at all.
+        the recording, and the time in seconds; None for the time if it is not known, so that a recording with gaps
+        cannot be read at all.
     """
     at = np.arange(2 * where.first, 2 * where.last + 1, 1 if midpoints else 2) / 2.0
     for ref in references(e, pieces):

@@ -1,10 +1,10 @@
-"""Repetition: what is stated once for several things, written out before the text is parsed.
+"""Repetition: similar statements are written once and expanded before the text is parsed.
 
 ``for k in 1..10: q{k}'' = u{k};`` stands for ten statements, ``sum(k in 1..10: m{k})`` for ten terms in parentheses.
-In what is repeated, ``{k}`` is replaced by the text of k, and ``{k-1}`` by that whole number. Nothing else is
-known of the language here: the statement that is repeated may be any, and a block in braces may hold several, range
-headers and whole sections. The text that comes out is parsed like any other; its
-:class:`stc.errors.Source` knows which characters of the spec every one of it came from, and for which k.
+In the repeated text, ``{k}`` is replaced by the text of k, and ``{k-1}`` by that whole number.  This module knows
+nothing else of the language: any statement can be repeated, and a block in braces may contain several, range headers
+and whole sections.  The resulting text is parsed like any other; its :class:`stc.errors.Source` maps its characters to
+those of the spec and the values of k.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Values: TypeAlias = Mapping[str, int | str]
 
 
 def written_out(source: Source) -> Source:
-    """The text of a spec with its repetitions written out; the source itself where it has none.
+    """The text of a spec with its repetitions expanded; the source itself without repetitions.
 
     Raises:
         SpecError: with the first mistake in how repetitions are written.
@@ -61,7 +61,7 @@ def written_out(source: Source) -> Source:
 
 @dataclass(slots=True)
 class _Copied:
-    """Characters that stay as they are; ``quoted`` within a text in quotes."""
+    """Characters that are copied; ``quoted`` within a text in quotes."""
 
     start: int
     end: int
@@ -70,7 +70,7 @@ class _Copied:
 
 @dataclass(slots=True)
 class _Value:
-    """``{k-1}``, with its braces; ``glued`` where it is a part of a name."""
+    """``{k-1}``, with its braces; ``glued`` if it is a part of a name."""
 
     start: int
     end: int
@@ -119,7 +119,7 @@ class _Template(ExpressionParser):
         return [*found, _Copied(copied, len(self.text))]
 
     def _whole_constants(self) -> dict[str, int]:
-        """The constants that are declared as a whole number, `N = 10`; but for `n`, which is not the text's alone."""
+        """The constants that are declared as a whole number, `N = 10`, except `n`, which can be overridden."""
         found: dict[str, int] = {}
         within = False
         for index, kind in enumerate(self.kinds[:-3]):
@@ -200,11 +200,11 @@ class _Template(ExpressionParser):
         return _Repeated(start, head_end, name, items, body, is_sum)
 
     def _dotted(self, before: _Items) -> str:
-        """The range that was written with colons."""
+        """The hint for a range written with colons."""
         return f"{self.text[before.first.start : before.first.end]}..{self.token_text(self.at)}"
 
     def _as_dots(self) -> str:
-        """What to write for ``range(1, 4)``, of which the word is the current token."""
+        """The hint for ``range(1, 4)``, of which the word is the current token."""
         ends = listed(self, self.at + 1)
         if len(ends) not in (1, 2) or not all(each.isdigit() for each in ends):
             return "as in `1..3`, both ends included"
@@ -253,7 +253,7 @@ class _Template(ExpressionParser):
         return [*found, _Copied(copied, self.ends[self.at - 1])]
 
     def _is_block(self) -> bool:
-        """Whether the brace at hand opens a block: it holds a statement, or braces of its own."""
+        """Whether a brace opens a block: it contains a statement, or braces."""
         for kind in self.kinds[self.at + 1 :]:
             if kind in (";", "{"):
                 return True
@@ -262,7 +262,7 @@ class _Template(ExpressionParser):
         return True
 
     def _terms(self) -> list[_Part]:
-        """What is added up, up to the parenthesis that closes the sum."""
+        """The terms of a sum, up to its closing parenthesis."""
         found: list[_Part] = []
         copied = self.starts[self.at]
         opened = 1
@@ -322,7 +322,7 @@ def _in_a_name(character: str, brace: str) -> bool:
 
 
 class _Writer:
-    """Writes parts out and notes where every piece came from."""
+    """Expands parts and records the origin of every piece."""
 
     def __init__(self, source: Source, diagnostics: Diagnostics, constants: Mapping[str, int]) -> None:
         self.source = source
@@ -421,7 +421,9 @@ class _Writer:
         if isinstance(value, str) or value >= 0:
             return str(value)
         if part.glued:
-            raise self.fail(part.value, f"this is {value} for {_listed(values)}, which is no part of a name")
+            raise self.fail(
+                part.value, f"this is {value} for {_listed(values)}, which is not a part of a name"
+            )
         return f"({value})"
 
     def _whole(self, node: syntax.Expression, values: Values) -> int:

@@ -1,7 +1,7 @@
-"""The stages of reading a spec as text: tokens, syntax tree, problem.
+"""The stages of reading a spec, as text: tokens, syntax tree, problem.
 
-Syntax is printed in the language itself, one statement a line, with parentheses only where they are needed:
-what is printed reads back as the same tree.
+Syntax is printed in the language itself, one statement a line, with parentheses only where they are needed; reading
+the output gives the same tree.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def show_tokens(source: Source) -> str:
 
 
 def show_expression(node: syntax.Expression) -> str:
-    """An expression in the language, with the parentheses that its tree needs and no others."""
+    """An expression in the language, with necessary parentheses only."""
     return _text(node, _SUM)
 
 
@@ -99,8 +99,12 @@ def show_statement(node: syntax.Statement) -> str:
     if isinstance(node, syntax.MethodChoice):
         return node.name + ";"
     if isinstance(node, syntax.ModelFile):
-        without = f" without {', '.join(name.name for name in node.without)}" if node.without else ""
-        return f'model = "{node.path}"{without};'
+        words = "".join(
+            f" {word} {', '.join(name.name for name in names)}"
+            for word, names in (("with", node.additions), ("without", node.without))
+            if names
+        )
+        return f'model = "{node.path}"{words};'
     if isinstance(node, syntax.ContactDeclaration):
         pose = ", ".join(show_expression(part) for part in node.pose)
         options = [n.name if v is None else f"{n.name} = {show_expression(v)}" for n, v in node.options]
@@ -158,7 +162,7 @@ def show_syntax(tree: syntax.SpecTree) -> str:
 
 
 def show_problem(problem: Problem) -> str:
-    """What a spec says once names are looked up: numbers, bounds and expressions, section by section."""
+    """The problem of a spec after names are resolved: numbers, bounds and expressions, section by section."""
     return "\n".join(_problem_lines(problem))
 
 

@@ -1,4 +1,4 @@
-"""Data as text: its statements in canonical form, and what data sets and tables hold."""
+"""Data as text: its statements in canonical form, and the content of data sets and tables."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def show_data_statement(
 
 
 def described(problem: Problem) -> list[tuple[str, str]]:
-    """The name of every data set and table of a problem, and what it holds."""
+    """The name and content of every data set and table of a problem."""
     sets = [(name, _set(data)) for name, data in problem.data.items()]
     return [*sets, *((name, _table(ref)) for name, ref in problem.tables.items())]
 

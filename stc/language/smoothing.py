@@ -1,10 +1,10 @@
-"""Products that are smooth although a root in them is not: drag c v sqrt(vx^2 + vy^2) from rest, v abs(v).
+"""Smooth products with a root that is not smooth alone: drag c v sqrt(vx^2 + vy^2) from rest, v abs(v).
 
-The root of a sum of squares has a kink where all of them vanish, and its derivative no value there. Times something
-that vanishes at the same place it is differentiable, with the derivative 0 there. Such a root is written ``sqrt(vx^2
-+ vy^2 + 1e-200)``, which is the very same number wherever the sum is above 1e-184, and whose derivatives, multiplied
-out, are bounded everywhere and 0 at rest. The power of such a sum between 1 and 2 has no second derivative there, and
-is written likewise.
+The root of a sum of squares has a kink where all of them vanish, and no derivative there.  Multiplied by a factor that
+vanishes at the same place it is differentiable, with the derivative 0 there.  Such a root is written ``sqrt(vx^2 + vy^2
++ 1e-200)``, which is the same number wherever the sum is above 1e-184, and whose derivatives, multiplied out, are
+bounded everywhere and 0 at rest.  A power of such a sum between 1 and 2 has no second derivative there, and is written
+in the same way.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _DEEPEST = 40
 
 
 def smoothed(e: Expr) -> Expr:
-    """The same expression, with roots written so that their products have derivatives wherever these exist."""
+    """The same expression with roots that make products differentiable wherever that is possible."""
     if not any(_is_root(node) or _is_between(node) for node in reachable([e])):
         return e
     e = _cancelled(e)
@@ -59,7 +59,7 @@ def _is_root(node: Expr) -> bool:
 
 
 def _is_between(node: Expr) -> bool:
-    """Whether it is a power with an exponent between 1 and 2."""
+    """Whether the node is a power with an exponent between 1 and 2."""
     return node.op == "pow" and node.args[1].op == "num" and 1.0 < node.args[1].payload < 2.0
 
 
@@ -75,7 +75,7 @@ def _cancelled(e: Expr) -> Expr:
 
 
 def _shortened(node: Expr) -> Expr:
-    """A product without the roots that it is both multiplied with and divided by."""
+    """A product without roots that occur both as factor and as divisor."""
     parts = _signed(node)
     roots = {_base(part)[0] for part, sign in parts if sign < 0.0 and _is_root(_base(part)[0])}
     for root in roots:
@@ -97,7 +97,7 @@ def _shortened(node: Expr) -> Expr:
 
 
 def _signed(node: Expr) -> list[tuple[Expr, float]]:
-    """The factors of a product, each with 1, and what it is divided by, with -1."""
+    """The factors of a product with 1, and its divisors with -1."""
     found: list[tuple[Expr, float]] = []
     waiting = [(node, 1.0)]
     while waiting:
@@ -114,19 +114,19 @@ def _signed(node: Expr) -> list[tuple[Expr, float]]:
 
 
 def _base(e: Expr) -> tuple[Expr, float]:
-    """What an expression is a power of, and which."""
+    """The base and the exponent of an expression."""
     plain = e.op == "pow" and e.args[1].op == "num"
     return (e.args[0], e.args[1].payload) if plain and not _is_root(e) else (e, 1.0)
 
 
 def _power_of(e: Expr, root: Expr) -> float:
-    """Which power of a root an expression is; 0 for none."""
+    """The exponent of a root in an expression; 0 for none."""
     base, power = _base(e)
     return power if base is root else 2.0 * power if base is root.args[0] else 0.0
 
 
 def _roots(e: Expr) -> tuple[set[Expr], set[Expr]]:
-    """The roots of sums of squares in products that are smooth, and those that stand elsewhere."""
+    """The roots of sums of squares in smooth products, and the others."""
     safe: set[Expr] = set()
     bare: set[Expr] = set()
     holding: set[Expr] = set()  # what has a root in it: all else is passed over
@@ -157,7 +157,7 @@ def _roots(e: Expr) -> tuple[set[Expr], set[Expr]]:
 
 
 def _factors(node: Expr) -> tuple[list[Expr], list[Expr]]:
-    """What a node is the product of, itself where it is none, and what it is divided by."""
+    """The factors of a product (a single one for other nodes), and its divisors."""
     found: list[Expr] = []
     divisors: list[Expr] = []
     waiting = [node]
@@ -178,7 +178,7 @@ def _factors(node: Expr) -> tuple[list[Expr], list[Expr]]:
 
 
 def _squared(e: Expr) -> frozenset[Expr]:
-    """The expressions whose squares a sum adds up; empty where it is another sum, or cannot vanish."""
+    """The expressions whose squares a sum adds; empty for other sums, or if it cannot vanish."""
     found: set[Expr] = set()
     waiting = [e]
     while waiting:

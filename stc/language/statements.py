@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 
-from stc.errors import Source, Span
+from stc.errors import Span
 from stc.language import syntax
 from stc.language.expressions import ExpressionBuilder
 from stc.problem import ConstantRef, FrameRange, ParameterRef, Relation
@@ -16,18 +15,10 @@ from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, sub, sum_of, symbo
 #: So many integrals a statement of the objective may come to.
 MOST_INTEGRALS = 10_000
 
-_BLANK = re.compile(r"(?:\s|#[^\n]*)+")
-
-
-def statement_text(source: Source, node: syntax.Node) -> str:
-    """The characters of a statement on one line, without comments."""
-    text = source.text[node.start : node.end]
-    return _BLANK.sub(" ", text) if "\n" in text or "#" in text or "  " in text else text
-
 
 @dataclass(slots=True)
 class Bounded:
-    """``lower <= body <= upper``; None is no bound, the same object twice an equality."""
+    """``lower <= body <= upper``; None means no bound, the same object twice an equality."""
 
     body: Expr
     lower: Expr | None
@@ -46,22 +37,24 @@ def complementary_relations(
 ) -> list[Relation]:
     """``0 <= one complements other >= 0`` on a range: both inequalities, then their product.
 
-    They have to stay next to each other, in this order, in ``Problem.relations``: so the solver learns which sides a
-    product is of (:mod:`stc.transcription.pairs`).
+    They must stay adjacent, in this order, in ``Problem.relations``, from which the solver finds the sides of a product
+    (:mod:`stc.transcription.pairs`).
     """
     sides = [Relation(side, ZERO, None, where, span, text) for side in (one, other)]
     return [*sides, Relation(mul(one, other), None, ZERO, where, span, text, complementary=True)]
 
 
 class Relations:
-    """Takes relations apart; ``is_fixed`` tells expressions that are known before solving at every frame."""
+    """Splits relations into bounded expressions; ``is_fixed`` recognises expressions that are known at every frame
+    before solving.
+    """
 
     def __init__(self, builder: ExpressionBuilder, is_fixed: Callable[[Expr], bool]) -> None:
         self.builder = builder
         self.is_fixed = is_fixed
 
     def split(self, node: syntax.Relation) -> list[Bounded]:
-        """The bounded bodies that a statement stands for; mistakes are noted in the builder."""
+        """The bounded expressions of a statement; mistakes are added in the builder."""
         builder = self.builder
         operators = node.operators
         if len(set(operators)) > 1 or operators.count("=") > 1:
@@ -99,7 +92,7 @@ class Relations:
         return found
 
     def _components(self, node: syntax.Relation) -> str:
-        """What to write for a relation of vectors: a relation for each component."""
+        """The hint for a relation of vectors: a relation for each component."""
         source = self.builder.diagnostics.source
         sizes = {len(operand.items) for operand in node.operands if isinstance(operand, syntax.Vector)}
         if len(sizes) > 1:
@@ -109,13 +102,13 @@ class Relations:
             parts = []
             for operand in node.operands:
                 if isinstance(operand, syntax.Vector):
-                    parts.append(statement_text(source, operand.items[k]))
+                    parts.append(syntax.statement_text(source, operand.items[k]))
                 elif isinstance(operand, syntax.Name):
                     parts.append(f"{operand.name}{k + 1}")
                 elif isinstance(operand, syntax.Prime) and isinstance(operand.operand, syntax.Name):
                     parts.append(f"{operand.operand.name}{k + 1}" + "'" * operand.order)
                 else:
-                    parts.append(statement_text(source, operand))
+                    parts.append(syntax.statement_text(source, operand))
             row = parts[0]
             for operator, part in zip(node.operators, parts[1:]):
                 row += f" {operator} {part}"
@@ -125,7 +118,7 @@ class Relations:
     def _pair(
         self, node: syntax.Relation, left: Expr | float, operator: str, right: Expr | float, *, swapped: bool
     ) -> Bounded | None:
-        """``left <= right`` or ``left = right``; ``swapped`` where the text has ``right >= left``."""
+        """``left <= right`` or ``left = right``; ``swapped`` if the text has ``right >= left``."""
         if isinstance(left, float) or isinstance(right, float):
             if operator == "=":
                 self.builder.fail(node, "nothing equals `inf`", "`inf` is a bound: `e <= inf`")
@@ -146,21 +139,21 @@ class Relations:
 
 @dataclass(slots=True)
 class Summand:
-    """One objective term with its factor multiplied in."""
+    """One objective term multiplied by its factor."""
 
     body: Expr
     integral: bool
 
 
 class Objective:
-    """Takes objective statements apart; ``formulas`` are the unranged definitions by name."""
+    """Splits objective statements into terms; ``formulas`` are the unranged definitions by name."""
 
     def __init__(self, builder: ExpressionBuilder, formulas: dict[str, syntax.Expression]) -> None:
         self.builder = builder
         self.formulas = formulas
 
     def holds_integral(self, node: syntax.Expression) -> bool:
-        """Whether an integral occurs in the syntax, definitions looked through."""
+        """Whether the syntax contains an integral, also within definitions."""
         return any(
             (isinstance(part, syntax.Call) and part.function == "integral")
             or (isinstance(part, syntax.Name) and part.name in self.builder.integral_definitions)
@@ -181,7 +174,7 @@ class Objective:
         return [*found, Summand(sum_of(plain), False)] if plain else found
 
     def _split(self, whole: syntax.Expression, plain: list[Expr], integrals: list[Expr]) -> None:
-        """Take a sum apart, through the definitions in it, which may be a chain of any length."""
+        """Split a sum, also through chains of definitions of any length."""
         builder = self.builder
         waiting: list[tuple[syntax.Expression, Expr]] = [(whole, ONE)]
         while waiting and not builder.poisoned:
@@ -208,7 +201,7 @@ class Objective:
                 builder.build(node)  # notes the integral that cannot stand there
 
     def _product(self, node: syntax.Product, factor: Expr) -> list[tuple[syntax.Expression, Expr]]:
-        """What holds the integral in a product, with the product of all the rest; nothing after a mistake."""
+        """The integral in a product, and the product of the other factors; nothing after a mistake."""
         builder = self.builder
         holding = [(operator, part) for operator, part in node.factors if self.holds_integral(part)]
         if len(holding) > 1 or holding[0][0] == "/":
@@ -257,4 +250,4 @@ class Objective:
         integrals.append(mul(factor, body))
 
 
-__all__ = ["Bounded", "Objective", "Relations", "Summand", "infinite", "statement_text"]
+__all__ = ["Bounded", "Objective", "Relations", "Summand", "infinite"]

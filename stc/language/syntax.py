@@ -1,12 +1,13 @@
-"""The syntax tree: what the text says, before any name is looked up.
+"""The syntax tree of a text, before names are resolved.
 
-Every node knows its characters (``start``, ``end``); two nodes are equal when they say the same, wherever
-they stand.  Sums and products are held flat, as written between one pair of parentheses, so that a sum of a
+Every node has the position of its characters (``start``, ``end``); two nodes are equal if their content is, whatever
+their position.  Sums and products are held flat, as written between one pair of parentheses, so that a sum of a
 thousand terms is no deeper than one of two.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import TypeAlias
 
@@ -20,6 +21,15 @@ class Node:
 
     start: int = field(compare=False, repr=False)
     end: int = field(compare=False, repr=False)
+
+
+_BLANK = re.compile(r"(?:\s|#[^\n]*)+")
+
+
+def statement_text(source: Source, node: Node) -> str:
+    """The characters of a node on one line, without comments."""
+    text = source.text[node.start : node.end]
+    return _BLANK.sub(" ", text) if "\n" in text or "#" in text or "  " in text else text
 
 
 # ---------------------------------------------------------------- expressions
@@ -105,7 +115,9 @@ class Vector(Node):
 
 @dataclass(slots=True)
 class Member(Node):
-    """``point(body.hand, 0, 0, 0.1).vx``: a field of what a call names; ``fields`` holds the words after it."""
+    """``point(body.hand, 0, 0, 0.1).vx``: a field of the object that a call names; ``fields`` holds the words after
+    it.
+    """
 
     operand: Call
     fields: list[str]
@@ -170,8 +182,8 @@ class Assignment(Node):
 class Relation(Node):
     """``e``, ``a = b``, ``a <= b``, ``lo <= e <= hi``, ...: operands with the operators between them.
 
-    ``written`` is the text of a relation that stands for another statement; else it is at its place in the spec.
-    ``complementary`` marks the product of what the two statements before it have to spare.
+    ``written`` is the text of a relation that was generated from another statement; otherwise its text is in the spec.
+    ``complementary`` marks the product of the two statements before it.
     """
 
     operands: list[Expression]
@@ -196,17 +208,18 @@ class MethodChoice(Node):
 
 @dataclass(slots=True)
 class ModelFile(Node):
-    """``model = "file.xml";`` in `replay:`; as a section, ``"file.xml" without fluid, muscles;``."""
+    """``model = "file.xml";`` in `replay:`; as a section, ``"file.xml" with floor without fluid, muscles;``."""
 
     path: str
     without: list[Name] = field(default_factory=list)
+    additions: list[Name] = field(default_factory=list)
 
 
 @dataclass(slots=True)
 class Pose(Node):
     """``keyframe.stand + (D, 0, 0);``, ``periodic mirrored;``, ``keyframe.land turned 2*pi about z;``.
 
-    ``base`` is a pose's name, `rest` or `periodic`; ``shift`` what is added to it; ``angle`` and ``axis`` a turn.
+    ``base`` is a pose's name, `rest` or `periodic`; ``shift`` the translation; ``angle`` and ``axis`` a turn.
     """
 
     base: Name
@@ -295,7 +308,7 @@ class TableDefinition(Node):
 
 @dataclass(slots=True)
 class GuessFrom(Node):
-    """``walk;`` in `guess:`: what is in a data set is where the solver starts."""
+    """``walk;`` in `guess:`: the solver starts from the columns of a data set."""
 
     name: Name
 
@@ -350,10 +363,10 @@ class Section(Node):
 
 @dataclass(slots=True)
 class SpecTree:
-    """A whole file.
+    """The syntax tree of a whole file.
 
-    ``damaged`` holds the names in declarations that could not be read, so that their uses are not called
-    undeclared on top.  ``models`` is for :func:`stc.language.model.scope.model_of`, which reads a model once.
+    ``damaged`` holds the names in declarations that could not be read, so that their uses are not reported as
+    undeclared.  ``models`` is for :func:`stc.language.model.scope.model_of`, which reads a model once.
     """
 
     source: Source

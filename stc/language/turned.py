@@ -1,4 +1,4 @@
-"""Columns of angles: whether they jump by whole turns, and the same without such jumps."""
+"""Columns of angles that jump by whole turns, and their unwrapping."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ALIKE = 3.0
 
 
 def unwrapped(values: FloatArray, turn: float) -> FloatArray:
-    """The numbers with whole turns added, so that none of them is more than half of one from the one before.
+    """The numbers with whole turns added, so that consecutive ones differ by half a turn at most.
 
     Parameters
     ----------
@@ -40,10 +40,10 @@ def unwrapped(values: FloatArray, turn: float) -> FloatArray:
 
 
 def remark(data: DataSet, name: str) -> tuple[str, str] | None:
-    """What to tell of a column that jumps by whole turns, and what to write; None where it does not.
+    """The message and hint for a column that jumps by whole turns; None if it does not.
 
-    That is one whose numbers all lie within one turn, and which leaps across nearly all of it where the same number a
-    turn further on would go on as the rows before and after it do.
+    That is a column whose numbers all lie within one turn, and which jumps across nearly all of it at a row where a
+    number one turn further would continue the rows before and after.
     """
     values = data.columns[name]
     rows = np.flatnonzero(np.isfinite(values)) if values.ndim == 1 else np.zeros(0, np.int64)
@@ -63,7 +63,7 @@ def remark(data: DataSet, name: str) -> tuple[str, str] | None:
 
 
 def _leap(values: FloatArray, turn: float) -> int | None:
-    """The first number after which a column begins anew; None where it never does."""
+    """The first number after a jump by a whole turn; None if there is none."""
     if len(values) < 4 or np.ptp(values) > turn * (1.0 + 1e-6):
         return None
     leaps = np.abs(np.diff(values)) >= NEARLY * turn
@@ -79,7 +79,7 @@ def _leap(values: FloatArray, turn: float) -> int | None:
 
 
 def bare(e: Expr) -> Iterator[object]:
-    """The payloads of all symbols of an expression that stand outside of sines and cosines."""
+    """The keys of all symbols of an expression outside of sines and cosines."""
     waiting, seen = [e], set[Expr]()
     while waiting:
         node = waiting.pop()

@@ -11,7 +11,7 @@ from stc.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class SectionKind:
-    """What a section holds and whether range headers (`[a, b]:`) may stand in it."""
+    """The contents of a section, and whether range headers (`[a, b]:`) are allowed in it."""
 
     holds: str
     ranged: bool = False

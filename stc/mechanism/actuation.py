@@ -1,4 +1,4 @@
-"""Forces of actuators: gain * input + bias along a transmission, and the states that follow their controls."""
+"""Forces of actuators, gain * input + bias along a transmission, and the dynamics of their states."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def activation_rates(
 
 
 def _input(actuator: Actuator, name: str, controls: Sequence[Expr]) -> Expr:
-    """One of the controls of a controller or an electric motor, 0 where it has no such one."""
+    """One of the controls of a controller or an electric motor; 0 if it does not have this control."""
     if name not in actuator.inputs:
         return ZERO
     return controls[actuator.controls[actuator.inputs.index(name)]]
@@ -76,7 +76,9 @@ def _wanted_place(actuator: Actuator, line: Transmission, controls: Sequence[Exp
 def _controller_force(
     actuator: Actuator, line: Transmission, controls: Sequence[Expr], activations: Sequence[Expr]
 ) -> Expr:
-    """kp (wanted place - length) + kv (wanted rate - rate) + ki (the integral of the first) + a force in advance."""
+    """kp (desired position - length) + kv (desired rate - rate) + ki (the integral of the first) + a feed-forward
+    force.
+    """
     _, minus_kp, minus_kv, *_ = actuator.bias_parameters
     force = _affine(actuator.bias, actuator.bias_parameters, line)
     force = sub(force, mul(num(minus_kp), _wanted_place(actuator, line, controls)))
@@ -94,7 +96,7 @@ _RESISTANCE, _MOTOR_CONSTANT, _KP, _KI, _KD = 0, 1, 4, 5, 6
 def _motor_voltage(
     actuator: Actuator, line: Transmission, controls: Sequence[Expr], activations: Sequence[Expr]
 ) -> Expr:
-    """What the motor's own controller and the control in volts put on its terminals."""
+    """The voltage of the motor's own controller plus the control in volts."""
     numbers = actuator.gain_parameters
     raw = _input(actuator, "voltage", controls)
     if not {"pos", "vel", "ff"} & set(actuator.inputs):
@@ -125,7 +127,7 @@ def _motor_force(
 def _settled_current(
     actuator: Actuator, line: Transmission, controls: Sequence[Expr], activations: Sequence[Expr]
 ) -> Expr:
-    """The current that the voltage settles to: what the motor induces does not drive it."""
+    """The steady current at a voltage, without the back EMF."""
     numbers = actuator.gain_parameters
     induced = mul(num(numbers[_MOTOR_CONSTANT]), line.rate)
     driving = sub(_motor_voltage(actuator, line, controls, activations), induced)
@@ -135,7 +137,7 @@ def _settled_current(
 def _motor_rates(
     actuator: Actuator, line: Transmission, controls: Sequence[Expr], activations: Sequence[Expr]
 ) -> dict[int, Expr]:
-    """Of the integral of the error in place, if there is one, and of the current, if it takes its time."""
+    """The rates of the integral of the position error, if there is one, and of the current, if it has dynamics."""
     rates: dict[int, Expr] = {}
     if actuator.gain_parameters[_KI] > 0.0:
         rates[actuator.activations[0]] = sub(_input(actuator, "pos", controls), line.length)
@@ -164,7 +166,7 @@ def _affine(kind: str, parameters: Sequence[float], line: Transmission) -> Expr:
 
 
 def _is_servo(actuator: Actuator) -> bool:
-    """Whether MuJoCo takes an actuator for one whose input is an angle."""
+    """Whether MuJoCo treats the input of an actuator as an angle."""
     return (
         actuator.gain == "fixed"
         and actuator.bias == "affine"
@@ -174,7 +176,7 @@ def _is_servo(actuator: Actuator) -> bool:
 
 
 def _nearest(given: Expr, line: Transmission) -> Expr:
-    """Of the angles that are the same as a given one, the nearest to the present one."""
+    """Of the angles that differ from a given one by whole turns, the nearest to the present one."""
     share = num(3.141592653589793 / line.period)
     off = call("atan", call("tan", mul(share, sub(given, line.length))))
     return add(line.length, div(off, share))

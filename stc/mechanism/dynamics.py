@@ -1,4 +1,4 @@
-"""The equations of motion of a mechanism and all that is asked of it, as expressions of its motion."""
+"""The equations of motion of a mechanism and its mechanical quantities, as expressions of its motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stc.symbolic.expr import ZERO, Expr, add, mul, num, sub, sum_of
 
 
 class Dynamics:
-    """Expressions of one state of motion of a mechanism; each is made when it is first asked for.
+    """Expressions of one state of motion of a mechanism; each is built when it is first requested.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Dynamics:
         return self.tree.frames[index]
 
     def point(self, body: int, at: Sequence[float]) -> Frame:
-        """A point fixed in a body, by its place in the body's frame."""
+        """A point fixed in a body, given by its position in the body's frame."""
         return self.tree.frame(body, vector(at))
 
     @cached_property
@@ -84,14 +84,14 @@ class Dynamics:
         ]
 
     def _place(self, path: tuple[str, str, str], pos: Sequence[float]) -> Vector:
-        """A place that can be set if the thing has a name."""
+        """A position that can be set if the element has a name."""
         return self.tree.vector_of(path, pos) if path[1] else vector(pos)
 
     # --- lengths -------------------------------------------------------------------------------------------------
 
     @cached_property
     def tendons(self) -> list[Transmission]:
-        """The lengths of all tendons, and how they act."""
+        """The lengths of all tendons, and their transmissions."""
         return [tendon_line(tendon, self.kinematics, self.sites) for tendon in self.mechanism.tendons]
 
     @cached_property
@@ -111,7 +111,9 @@ class Dynamics:
 
     @cached_property
     def lines(self) -> list[Transmission]:
-        """What every actuator acts along, gear included: MuJoCo's ``actuator_length`` and ``actuator_velocity``."""
+        """The transmission of every actuator, including the gear: MuJoCo's ``actuator_length`` and
+        ``actuator_velocity``.
+        """
         return [
             transmission(actuator, self.kinematics, gear, self.sites, self.tendons)
             for actuator, gear in zip(self.mechanism.actuators, self.gears, strict=True)
@@ -121,7 +123,7 @@ class Dynamics:
 
     @cached_property
     def actuator_forces(self) -> list[Expr]:
-        """Of every actuator its force before the gear, inside its limits: MuJoCo's ``actuator_force``."""
+        """The force of every actuator before the gear, within its limits: MuJoCo's ``actuator_force``."""
         if "actuation" in self.mechanism.options.disabled:
             return [ZERO] * len(self.mechanism.actuators)
         return [
@@ -130,7 +132,7 @@ class Dynamics:
         ]
 
     def pull_on_tendon(self, index: int) -> Expr:
-        """The force of all actuators along a tendon, gear included: what ``actuatorfrcrange`` limits."""
+        """The force of all actuators along a tendon, including the gear, which ``actuatorfrcrange`` limits."""
         return sum_of(
             [
                 mul(gear[0], force)
@@ -170,14 +172,14 @@ class Dynamics:
         return passive.drive_inertia(self.kinematics, self.numbers, self.tendons, self._first_gears)
 
     def passive_forces(self) -> list[Expr]:
-        """MuJoCo's ``qfrc_passive``: springs, dampers, and compensation of weight that is not the actuators'."""
+        """MuJoCo's ``qfrc_passive``: springs, dampers, and gravity compensation that is not done by actuators."""
         found = self._on_dofs(self._springs_and_dampers)
         for dof, force in enumerate(self._compensation_by(actuators=False)):
             found[dof] = add(found[dof], force)
         return found
 
     def actuation(self) -> list[Expr]:
-        """MuJoCo's ``qfrc_actuator``, inside its limits: the forces of all actuators on every degree of freedom."""
+        """MuJoCo's ``qfrc_actuator``, within its limits: the forces of all actuators on every degree of freedom."""
         found = self._on_dofs(self._actuation)
         if self._actuated:
             for dof, force in enumerate(self._compensation_by(actuators=True)):
@@ -186,7 +188,7 @@ class Dynamics:
 
     @property
     def _actuated(self) -> bool:
-        """Whether there is anything by which actuators could carry weight."""
+        """Whether any actuators could compensate gravity."""
         return bool(self.mechanism.actuators) and "actuation" not in self.mechanism.options.disabled
 
     def inverse(self, wrenches: Iterable[Wrench] = ()) -> list[Expr]:
@@ -196,7 +198,7 @@ class Dynamics:
     def residual(
         self, wrenches: Iterable[Wrench] = (), on_dofs: Mapping[int, Expr] | None = None
     ) -> list[Expr]:
-        """What is 0 on every degree of freedom where the motion obeys its equations.
+        """The residual of the equation of motion of every degree of freedom.
 
         Parameters
         ----------
@@ -209,7 +211,7 @@ class Dynamics:
         return self._beside(given, compensated_by_actuators=self._actuated)
 
     def _beside(self, given: Forces, compensated_by_actuators: bool) -> list[Expr]:
-        """The generalised forces that the motion takes beside given ones and all passive ones."""
+        """The generalised forces that the motion needs besides given ones and all passive ones."""
         every = together(
             [given, self._springs_and_dampers, self._drives, Forces(wrenches=self._compensation)]
         )
@@ -228,7 +230,7 @@ class Dynamics:
         return found
 
     def _compensation_by(self, actuators: bool) -> list[Expr]:
-        """Compensation of weight on the degrees of freedom where it counts as the actuators', or on the others."""
+        """Gravity compensation on the degrees of freedom whose actuators supply it, or on the others."""
         found: list[Expr] = [ZERO] * self.mechanism.n_freedoms
         if self._compensation:
             every = generalised_forces(self.kinematics, self._compensation)

@@ -1,10 +1,10 @@
-"""Equality constraints as expressions: what they hold at zero, how that changes, how its forces act.
+"""Equality constraints as expressions: their residuals, the rates of these, and the effect of their forces.
 
 - A connect holds the difference of the places of two points.  Its force acts at the first one, its opposite at the
   second.
-- A weld holds, besides, one frame's rotation against another's: the axis of the remaining rotation times the sine of
-  its angle, in the second frame.  Its rate and acceleration are stated as the differences of the angular velocities
-  and accelerations in the world, which vanish with the derivatives where the rotation itself is held.
+- A weld also holds the relative rotation of two frames: its residual is the axis of the remaining rotation times the
+  sine of its angle, in the second frame.  Its rate and acceleration are stated as the differences of the angular
+  velocities and accelerations in the world, which vanish together with the derivatives if the rotation is held.
 - A joint or tendon equality holds a length against a polynomial of another one.
 """
 
@@ -24,13 +24,14 @@ from stc.symbolic.expr import ZERO, Expr, add, mul, num, sub
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What an equality constraint holds.
+    """The expressions of an equality constraint.
 
     Attributes:
-        names: of its forces: ``fx``, ``fy``, ``fz``, of a weld also ``mx``, ``my``, ``mz``; ``f`` along a length.
-        places, rates, accelerations: what is 0, one entry for each force.
-        ends: the frames of a connect or weld, at the points that it holds together.
-        lines: the lengths of a joint or tendon equality, with what a unit of force is on each.
+        names: names of its forces: ``fx``, ``fy``, ``fz``, for a weld also ``mx``, ``my``, ``mz``; ``f`` along a
+            length.
+        places, rates, accelerations: expressions that are 0, one for each force.
+        ends: the frames of a connect or weld, at the connected points.
+        lines: the lengths of a joint or tendon equality, with the effect of a unit force on each.
     """
 
     names: tuple[str, ...]
@@ -41,7 +42,7 @@ class Held:
     lines: tuple[tuple[Transmission, Expr], ...] = ()
 
     def act(self, forces: Sequence[Expr]) -> Forces:
-        """What its forces are on bodies and degrees of freedom.
+        """The effect of its forces on bodies and degrees of freedom.
 
         Parameters
         ----------
@@ -97,7 +98,7 @@ def _held_together(dynamics: Dynamics, equality: Equality) -> Held:
 
 
 def _ends(dynamics: Dynamics, equality: Equality) -> tuple[Frame, Frame]:
-    """The frames that a connect or weld holds together."""
+    """The frames that a connect or weld connects."""
     if equality.between == "site":
         return dynamics.sites[equality.first], dynamics.sites[equality.second]
     data, tree = equality.data, dynamics.tree
@@ -152,7 +153,7 @@ def _line(dynamics: Dynamics, equality: Equality, index: int) -> tuple[Transmiss
 
 @dataclass(frozen=True, slots=True)
 class Follower:
-    """A coordinate that a joint equality makes a function of another one.
+    """A coordinate that a joint equality makes a function of another coordinate.
 
     Attributes:
         q, v, a: the coordinate, its velocity and acceleration.
@@ -167,10 +168,10 @@ class Follower:
 
 
 def follower(mechanism: Mechanism, equality: Equality, q: Expr, v: Expr, a: Expr) -> Follower:
-    """The first joint of a joint equality from the motion of the second, which does not matter where there is none.
+    """The first joint of a joint equality as a function of the motion of the second, or constant without a second one.
 
     Raises:
-        ValueError: it is no joint equality.
+        ValueError: it is not a joint equality.
     """
     if equality.kind != "joint":
         raise ValueError(f"equality {equality.name} of kind {equality.kind} eliminates no coordinate")

@@ -25,7 +25,7 @@ class Wrench:
 
 @dataclass(frozen=True, slots=True)
 class Transmission:
-    """A length and how a force along it acts.
+    """A length, and the effect of a force along it on bodies and degrees of freedom.
 
     It acts on degrees of freedom directly and on bodies as wrenches.
 
@@ -33,8 +33,7 @@ class Transmission:
         length, rate: m or rad, and per second; the rate is the power of a unit of force.
         moments: by degree of freedom, per unit of force.
         pulls: on bodies, per unit of force.
-        period: what may be added to the length and leave the pose the same, where it is an angle of a rotation in
-            space; 0 elsewhere.
+        period: the period of the length if it is an angle of a rotation in three dimensions; otherwise 0.
     """
 
     length: Expr
@@ -44,7 +43,7 @@ class Transmission:
     period: float = 0.0
 
     def geared(self, gear: Expr) -> Transmission:
-        """The same with a gear before it."""
+        """The same transmission with a gear."""
         return Transmission(
             length=mul(gear, self.length),
             rate=mul(gear, self.rate),

@@ -1,4 +1,4 @@
-"""Impacts: velocities that change at once, and the impulses that change them."""
+"""Impacts: instantaneous changes of velocity, and the impulses that cause them."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from stc.symbolic.expr import ZERO, Expr, sub
 
 
 def impact(dynamics: Dynamics, change: Sequence[Expr], impulses: Forces) -> list[Expr]:
-    """What is 0 on every degree of freedom where impulses change the velocities: M change - J^T impulses.
+    """The residual of every degree of freedom in an impact: M change - J^T impulses.
 
-    These are the equations of motion of an instant in which nothing turns yet: accelerations stand for the changes,
-    forces for the impulses, and springs, dampers and weight have no time to act.
+    These are the equations of motion at zero velocity, with the changes in place of accelerations and impulses in
+    place of forces, and without springs, dampers and gravity.
 
     Parameters
     ----------

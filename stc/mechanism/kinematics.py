@@ -1,9 +1,9 @@
-"""Where the segments of a mechanism are, how they move and accelerate, as expressions of its motion.
+"""Positions, velocities and accelerations of the segments of a mechanism, as expressions of its motion.
 
-What recursions carry along a chain is in each segment's own axes and turns with one joint at a time: that takes the
-fewest operations.  It is turned into the world where it is asked for there.  Velocities and accelerations of places are
-carried relative to the origin of the free body that a segment hangs on, whose own are coordinates in the world; where
-there is none they are those against the world.
+Recursions carry vectors along a chain in each segment's own axes, which needs the fewest operations, since these differ
+by one joint at a time.  Vectors are transformed to the world on request.  Velocities and accelerations of points are
+relative to the origin of the free body that carries the segment, whose own are coordinates in the world; without a free
+body they are relative to the world.
 """
 
 from __future__ import annotations
@@ -44,11 +44,12 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """How a segment turns, in its own axes.
+    """The rotation of a segment about its own axes: angular velocity, angular acceleration, and their acceleration
+    field.
 
     Attributes:
-        velocity, acceleration: of the angle.
-        field: the matrix that takes a place in the segment to its acceleration relative to the origin.
+        velocity, acceleration: angular velocity and angular acceleration.
+        field: the matrix that maps a position in the segment to its acceleration relative to the origin.
     """
 
     velocity: Vector
@@ -71,7 +72,7 @@ def _field(w: Vector, r: Vector) -> Matrix:
 
 
 class Kinematics:
-    """Expressions of one motion of a tree, made when they are asked for.
+    """Expressions of one motion of a tree, built on request.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ class Kinematics:
 
     @cached_property
     def locals(self) -> list[tuple[Matrix, Vector]]:
-        """Of every segment its axes in its parent's, as columns, and its origin there."""
+        """The axes of every segment in its parent's, as columns, and its origin there."""
         return [self._local(segment) for segment in self.tree.segments]
 
     def _local(self, segment: Segment) -> tuple[Matrix, Vector]:
@@ -113,7 +114,7 @@ class Kinematics:
         return product(segment.turn, turned), segment.at
 
     def _along(self, segment: int, known: Mapping[int, object]) -> list[int]:
-        """The segments on the way to one of which something is not known yet, the innermost first."""
+        """The segments on the path to one whose quantity is not known yet, the innermost first."""
         missing = []
         while segment not in known:
             missing.append(segment)
@@ -121,7 +122,7 @@ class Kinematics:
         return missing[::-1]
 
     def common(self, first: int, second: int) -> int:
-        """The outermost segment that two hang on, or are; :data:`WORLD` where there is none."""
+        """The outermost common ancestor of two segments (possibly one of them); :data:`WORLD` if there is none."""
         while first != second:
             if first > second:
                 first = self.tree.segments[first].parent
@@ -149,7 +150,7 @@ class Kinematics:
         return found[segment]
 
     def turning(self, segment: int) -> Turning:
-        """How a segment turns, in its own axes."""
+        """The rotation of a segment, in its own axes."""
         v, a, found = self.motion.v, self.motion.a, self._turnings
         for index in self._along(segment, found):
             each = self.tree.segments[index]
@@ -174,7 +175,7 @@ class Kinematics:
     # --- places --------------------------------------------------------------------------------------------------
 
     def velocity(self, segment: int) -> Vector:
-        """The velocity of a segment's origin against its base, in its own axes."""
+        """The velocity of a segment's origin relative to its base, in its own axes."""
         found = self._velocities
         for index in self._along(segment, found):
             each = self.tree.segments[index]
@@ -189,14 +190,14 @@ class Kinematics:
         return found[segment]
 
     def acceleration(self, segment: int) -> Vector:
-        """The acceleration of a segment's origin against its base, in its own axes."""
+        """The acceleration of a segment's origin relative to its base, in its own axes."""
         for index in self._along(segment, self._accelerations):
             free = self.tree.segments[index].joint.kind == "free"
             self._accelerations[index] = ORIGIN if free else self._accelerated(index, self._accelerations)
         return self._accelerations[segment]
 
     def felt(self, segment: int) -> Vector:
-        """The acceleration of a segment's origin less that of a body in free fall, in its own axes."""
+        """The acceleration of a segment's origin minus the gravity acceleration, in its own axes."""
         a = self.motion.a
         for index in self._along(segment, self._felt):
             joint = self.tree.segments[index].joint
@@ -224,7 +225,7 @@ class Kinematics:
     # --- in the world --------------------------------------------------------------------------------------------
 
     def base(self, segment: int) -> Joint | None:
-        """The free joint that a segment hangs on."""
+        """The free joint that carries a segment."""
         while segment != WORLD:
             joint = self.tree.segments[segment].joint
             if joint.kind == "free":
@@ -233,11 +234,11 @@ class Kinematics:
         return None
 
     def base_velocity(self, segment: int) -> Vector:
-        """The velocity of the origin of the free body that a segment hangs on, in the world."""
+        """The velocity of the origin of the free body that carries a segment, in the world."""
         return self._of_base(segment, self.motion.v)
 
     def base_acceleration(self, segment: int) -> Vector:
-        """The acceleration of the origin of the free body that a segment hangs on, in the world."""
+        """The acceleration of the origin of the free body that carries a segment, in the world."""
         return self._of_base(segment, self.motion.a)
 
     def _of_base(self, segment: int, rates: Sequence[Expr]) -> Vector:

@@ -1,7 +1,8 @@
-"""A mechanism as plain data: what MuJoCo has compiled from a model file, in its order and its units (m, kg, s, rad).
+"""A mechanism as plain data: the numbers that MuJoCo compiles from a model file, in its order and units (m, kg, s,
+rad).
 
-Indices refer to the tuples of :class:`Mechanism`.  Body 0 is the world.  Quaternions have the real part first.  What is
-a number here is exactly the number that MuJoCo computes with.
+Indices refer to the tuples of :class:`Mechanism`.  Body 0 is the world.  Quaternions have the real part first.  Every
+number is exactly the one that MuJoCo uses.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where an element stands in the model file or in one that it includes; lines count from 1."""
+    """The position of an element in the model file or an included file; lines count from 1."""
 
     file: str
     line: int
@@ -37,7 +38,7 @@ class Body:
 
     Attributes:
         name: as in the model; one without a name is called ``body`` and its index.
-        parent: the body that it hangs on; 0 for the world, also of the world itself.
+        parent: its parent body; 0 for the world, also for the world itself.
         pos, quat: its frame in its parent's, where its joints are at their reference.
         mass, com, inertia_quat, inertia: kg; the centre of mass in the body's frame; the principal axes there, and the
             moments about them, kg m^2.
@@ -62,7 +63,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A joint, which lets its body move against its parent.
+    """A joint, which lets its body move relative to its parent.
 
     Attributes:
         name: as in the model; one without a name is called by its body.
@@ -132,6 +133,7 @@ class Geom:
         fluid: whether the ellipsoid model of fluid forces is on.
         adhesion: N; surface_velocity: linear and angular, of a conveyor's surface.
         solref: how stiff its contacts are: a time in s and a ratio of damping, or two negative numbers.
+        corners: of a mesh that may touch something, those of its convex hull, in its own frame.
     """
 
     name: str
@@ -152,6 +154,7 @@ class Geom:
     adhesion: float
     surface_velocity: tuple[float, ...]
     solref: tuple[float, float] = (0.02, 1.0)
+    corners: tuple[Triple, ...] = ()
     place: Place | None = None
 
 
@@ -170,7 +173,7 @@ class Site:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One thing on a tendon's way.
+    """One element of a tendon's path.
 
     Attributes:
         kind: ``joint``, ``site``, ``pulley``, ``sphere`` or ``cylinder``.
@@ -218,14 +221,14 @@ class Actuator:
     """A force that a control commands: gain * input + bias along a transmission.
 
     Attributes:
-        name: as in the model; one without a name is called by what it acts on.
+        name: as in the model; an actuator without a name is called after its target.
         transmission: ``joint``, ``jointinparent``, ``tendon``, ``site``, ``body``, ``slidercrank`` or ``so3``.
-        target, reference: what it acts on, and a second site; -1 for none.
+        target, reference: its target, and a second site; -1 for none.
         gear: force and torque, or the first number alone, per unit of its force.
         gain, gain_parameters: ``fixed``, ``affine``, ...; bias, bias_parameters: ``none``, ``affine``, ...
         dynamics, dynamics_parameters: ``none``, or how its activation follows its control.
         controls, activations: addresses among all controls and all activations.
-        inputs: what the controls of a controller or an electric motor are: ``pos``, ``vel``, ``ff``, ``voltage``.
+        inputs: the controls of a controller or an electric motor: ``pos``, ``vel``, ``ff``, ``voltage``.
         control_ranges: of each control, None for one that is not limited.
         force_limited, force_range: of its force; activation_limited, activation_range: of its activations.
         early: whether MuJoCo steps the activation before it takes the force, which matters at finite time steps only.
@@ -270,7 +273,7 @@ class Equality:
 
     Attributes:
         kind: ``connect``, ``weld``, ``joint``, ``tendon`` or what MuJoCo calls another one.
-        between: ``body``, ``site``, ``joint`` or ``tendon``: what the two indices number.
+        between: ``body``, ``site``, ``joint`` or ``tendon``: the kind of object that the two indices refer to.
         first, second: the two things; -1 for no second one.
         data: MuJoCo's numbers (``eq_data``).
         active: whether it holds at the start.
@@ -288,7 +291,7 @@ class Equality:
 
 @dataclass(frozen=True, slots=True)
 class Keyframe:
-    """A named state."""
+    """A named state of the model."""
 
     name: str
     time: float
@@ -296,6 +299,7 @@ class Keyframe:
     qvel: tuple[float, ...]
     activations: tuple[float, ...]
     controls: tuple[float, ...]
+    place: Place | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,7 +316,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What holds for the whole model; ``disabled`` and ``enabled`` are MuJoCo's flags in lower case."""
+    """Options of the whole model; ``disabled`` and ``enabled`` are MuJoCo's flags in lower case."""
 
     gravity: Triple
     wind: Triple
@@ -329,7 +333,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """A whole model, but for what its options switch off: see :mod:`stc.mechanism.switches`.
+    """A whole model, without the elements that its options switch off: see :mod:`stc.mechanism.switches`.
 
     Attributes:
         source: the file, or ``<text>``.
@@ -337,6 +341,7 @@ class Mechanism:
         n_controls, n_activations: lengths of ``ctrl`` and ``act``.
         excluded: pairs of bodies that never touch.
         warnings: what MuJoCo said as it read the file.
+        changes: what of a URDF is left out or changed to make a model of it, each in a sentence.
         left_out: kinds of things that are knowingly not in it; see :mod:`stc.mechanism.refusals`.
         others: elements that have no counterpart here, such as flexes and plugins: kind, name and place.
     """
@@ -359,15 +364,21 @@ class Mechanism:
     n_activations: int
     others: tuple[tuple[str, str, Place | None], ...] = ()
     warnings: tuple[str, ...] = ()
+    changes: tuple[str, ...] = ()
     left_out: frozenset[str] = frozenset()
 
     @property
+    def is_urdf(self) -> bool:
+        """Whether it comes from a URDF, which states neither motors nor what it stands on."""
+        return self.source.lower().endswith(".urdf")
+
+    @property
     def start(self) -> tuple[float, ...]:
-        """The coordinates in the pose that the file draws."""
+        """The coordinates in the pose of the file."""
         return tuple([value for joint in self.joints for value in joint.reference])
 
     def below(self, body: int) -> list[int]:
-        """A body and all that hang on it, ascending."""
+        """A body and all its descendants, in ascending order."""
         found = {body}
         for index in range(body + 1, len(self.bodies)):
             if self.bodies[index].parent in found:
@@ -379,5 +390,5 @@ _Named = TypeVar("_Named", Body, Joint, Geom, Site, Tendon, Actuator, Equality, 
 
 
 def index_of(things: Iterable[_Named], name: str) -> int | None:
-    """The position of the thing with a name, None where there is none."""
+    """The index of the element with a name, None if there is none."""
     return next((index for index, thing in enumerate(things) if thing.name == name), None)

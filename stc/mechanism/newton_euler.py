@@ -1,8 +1,7 @@
 """Generalised forces by the recursive Newton-Euler method, as expressions.
 
-From the motion of the segments follow the forces and torques that they need; from the outermost segment inwards these
-are added up, and their parts along the joints are the generalised forces [Featherstone 2008,
-chapter 5].
+The motion of the segments determines the forces and torques that they need.  These are summed from the outermost
+segment inwards, and their components along the joints are the generalised forces [Featherstone 2008, chapter 5].
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from stc.symbolic.expr import ZERO, Expr, add, mul, sub
 
 
 def inverse_dynamics(kinematics: Kinematics, wrenches: Iterable[Wrench] = ()) -> list[Expr]:
-    """The generalised force on every degree of freedom that the motion takes, beside the wrenches.
+    """The generalised force on every degree of freedom that the motion needs, besides the wrenches.
 
     This is M a + c - J^T f in the order of ``qvel``, with gravity in c.
     """
@@ -40,7 +39,7 @@ def inverse_dynamics(kinematics: Kinematics, wrenches: Iterable[Wrench] = ()) ->
 
 
 def generalised_forces(kinematics: Kinematics, wrenches: Iterable[Wrench]) -> list[Expr]:
-    """J^T f: what the wrenches are on every degree of freedom."""
+    """J^T f: the generalised forces of the wrenches."""
     loads = [(ORIGIN, ORIGIN)] * len(kinematics.tree.segments)
     for segment, load in _in_segments(kinematics, wrenches).items():
         loads[segment] = load
@@ -69,7 +68,7 @@ def _in_segments(kinematics: Kinematics, wrenches: Iterable[Wrench]) -> dict[int
 
 
 def _load(segment: Segment, kinematics: Kinematics, index: int) -> tuple[Vector, Vector]:
-    """The force, and the torque about its origin, that a segment's motion takes, in its axes."""
+    """The force, and the torque about its origin, that a segment's motion needs, in its axes."""
     inertia = segment.effective
     field, moved = kinematics.turning(index).field, kinematics.felt(index)
     force = plus(scaled(inertia.mass, moved), times(field, inertia.first))
@@ -89,7 +88,7 @@ def _turned(field: Matrix, second: Matrix) -> Vector:
 
 
 def _gathered(kinematics: Kinematics, loads: list[tuple[Vector, Vector]]) -> list[Expr]:
-    """Loads added up from the outermost segment inwards, and their parts along the joints."""
+    """Loads summed from the outermost segment inwards, and their components along the joints."""
     tree = kinematics.tree
     found: list[Expr] = [ZERO] * tree.mechanism.n_freedoms
     for index in reversed(range(len(tree.segments))):

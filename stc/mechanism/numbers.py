@@ -1,7 +1,7 @@
-"""Numbers of a model in expressions: as literals, or as symbols whose values can be changed later.
+"""Numbers of a model in expressions: literals, or symbols whose values can be changed later.
 
 A number is named by its path, the one that ``set`` lines have: ``("body", "torso", "mass")``,
-``("option", "gravity", "z")``.  Zero is always a literal, so that what is multiplied by it vanishes.
+``("option", "gravity", "z")``.  Zero is always a literal, so that products with it vanish.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ class ModelNumber:
 
 @dataclass(frozen=True, slots=True)
 class DerivedNumber:
-    """The key of the symbol of a number that follows from others, such as the mass of several bodies together."""
+    """The key of the symbol of a number that is computed from others, such as the mass of several bodies together."""
 
     name: Path
 
 
 def none_of_them(path: Path) -> bool:
-    """Chooses no number: all are literals."""
+    """Select no number: all are literals."""
     return False
 
 
 def all_of_them(path: Path) -> bool:
-    """Chooses every number that can be set."""
+    """Select every number that can be set."""
     return True
 
 
 class Numbers:
-    """Which numbers are symbols, and what they stand for.
+    """The numbers that are symbols, and their values.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Numbers:
         return self._symbol(path)
 
     def derive(self, e: Expr, *name: str) -> Expr:
-        """A symbol for an expression of numbers; the expression itself where that is as simple."""
+        """A symbol for an expression of numbers; the expression itself if it is as simple."""
         if not e.args:
             return e
         if e.op == "neg" and not e.args[0].args:
@@ -99,7 +99,7 @@ class Numbers:
         return {key: found[key] for key in self.derived}
 
     def expanded(self, expressions: Sequence[Expr], depends: Callable[[Hashable], bool]) -> list[Expr]:
-        """Expressions with the derived numbers replaced that follow from some numbers: where these are unknowns.
+        """Expressions with derived numbers expanded if they depend on numbers that are unknowns.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Passive forces: springs, dampers, compensation of weight, and the inertia of drives."""
+"""Passive forces: springs, dampers, gravity compensation, and the inertia of drives."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def springs_and_dampers(
 
 
 def gravity_compensation(kinematics: Kinematics, numbers: Numbers) -> list[Wrench]:
-    """The forces at the centres of mass of bodies that carry a share of their weight."""
+    """The forces at the centres of mass of bodies with gravity compensation."""
     tree = kinematics.tree
     mechanism = tree.mechanism
     if all(disabled_passive(mechanism)):
@@ -83,7 +83,7 @@ def gravity_compensation(kinematics: Kinematics, numbers: Numbers) -> list[Wrenc
 def drive_inertia(
     kinematics: Kinematics, numbers: Numbers, tendons: Sequence[Transmission], gears: Sequence[Expr]
 ) -> Forces:
-    """Minus the forces that armatures take: what they are on degrees of freedom and bodies."""
+    """The negative of the forces that armatures need, on degrees of freedom and bodies."""
     mechanism = kinematics.tree.mechanism
     forces = Forces()
     for index, joint in enumerate(mechanism.joints):
@@ -149,7 +149,7 @@ def _held(deflection: tuple[Expr, ...], stiffness: Expr, poly: Sequence[float]) 
 
 
 def _deflections(joint: Joint, kinematics: Kinematics, numbers: Numbers) -> list[tuple[Expr, ...]]:
-    """By how much a joint's spring is off its rest: along a joint's one freedom, or as vectors in space."""
+    """The deflection of a joint's spring: a number for one degree of freedom, or vectors in three dimensions."""
     q, rest = kinematics.motion.q, joint.spring_reference
     if joint.kind in ("hinge", "slide"):
         return [(sub(q[joint.qpos], numbers.number(rest[0], "joint", joint.name, "springref")),)]
@@ -178,7 +178,7 @@ def _joint_spring(forces: Forces, joint: Joint, kinematics: Kinematics, numbers:
 
 
 def _stretch(tendon: Tendon, line: Transmission) -> Expr:
-    """By how much a tendon's length is outside the range in which its spring is at rest."""
+    """The distance of a tendon's length from the range in which its spring is slack."""
     low, high = tendon.spring_range
     below, above = sub(line.length, num(low)), sub(line.length, num(high))
     if low == high:

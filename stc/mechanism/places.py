@@ -1,7 +1,7 @@
-"""In which file and on which line the elements of a model stand, also of models that include others.
+"""The file and line of each element of a model, also in included files.
 
-MuJoCo remembers the lines of elements of the file itself.  Of included files it does not, nor of free joints written
-``<freejoint/>``: these are looked for by their name, or else by what they belong to.
+MuJoCo records the lines of elements of the main file.  For included files, and for free joints written
+``<freejoint/>``, the element is searched by its name, or else by the element that it belongs to.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ class Places:
         """The place of an element.
 
         Args:
-            info: what MuJoCo remembers of it, such as ``line 12``.
+            info: MuJoCo's record of it, such as ``line 12``.
             kind: ``body``, ``joint``, ...
             name: its name, possibly empty.
-            owner: the place of the body that it belongs to, which stands in for its own where that is not known.
+            owner: the place of the body that it belongs to, used if its own is not known.
         """
         tags = _TAGS.get(kind, {kind})
         found = re.search(r"line (\d+)", info or "")
@@ -64,7 +64,7 @@ class Places:
         return Place(here[0].file, here[0].line) if here else owner
 
     def first(self, tag: str) -> Place | None:
-        """The place of the last element with a tag: of several, MuJoCo lets the last one count."""
+        """The place of the last element with a tag, which is the valid one in MuJoCo."""
         known = [each for each in self._elements if each.tag == tag]
         return Place(known[-1].file, known[-1].line) if known else None
 

@@ -1,6 +1,6 @@
 """Sums over the bodies of a mechanism: centre of mass, momenta, energies.
 
-They are added up from the outermost segments inwards, each in its own axes, as the forces are.
+They are summed from the outermost segments inwards, each in its own axes, like the forces.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ Loads = Mapping[int, Inertia]
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """What is added up over the bodies below a frame, in this frame, velocities being those against its base.
+    """Sums over the bodies below a frame, in this frame, with velocities relative to its base.
 
     Attributes:
-        mass: of them.
-        first: the sum of mass times place.
-        momentum: of mass times velocity.
-        angular: of mass times place cross velocity.
+        mass: the total mass.
+        first: the sum of mass times position.
+        momentum: the sum of mass times velocity.
+        angular: the sum of mass times position cross velocity.
     """
 
     mass: Expr = ZERO
@@ -34,7 +34,7 @@ class Sums:
     angular: Vector = ORIGIN
 
     def plus(self, other: Sums) -> Sums:
-        """Both together."""
+        """The sum of both."""
         return Sums(
             mass=add(self.mass, other.mass),
             first=plus(self.first, other.first),
@@ -43,7 +43,7 @@ class Sums:
         )
 
     def moved(self, turn: Matrix, at: Vector, velocity: Vector = ORIGIN) -> Sums:
-        """In another frame, from where this one's axes and origin are there and how fast its base moves there."""
+        """The sums in another frame, from this frame's axes, origin and base velocity there."""
         first, momentum = times(turn, self.first), times(turn, self.momentum)
         angular = plus(times(turn, self.angular), cross(at, momentum))
         first = plus(first, scaled(self.mass, at))
@@ -52,7 +52,7 @@ class Sums:
 
 
 def loads(tree: Tree, body: int) -> dict[int, Inertia]:
-    """The inertias of a body and all that hangs on it, those of one segment added up; of the world, of everything."""
+    """The inertias of a body and all its descendants, summed within each segment; for the world, of everything."""
     found: dict[int, Inertia] = {}
     if body == 0:
         found.update({index: segment.effective for index, segment in enumerate(tree.segments)})
@@ -82,7 +82,7 @@ def _in_world(kinematics: Kinematics, parts: Loads) -> Sums:
 
 
 def _by_roots(kinematics: Kinematics, parts: Loads) -> dict[int, Sums]:
-    """Sums in the frames of the segments that hang on the world."""
+    """Sums in the frames of the segments attached to the world."""
     segments = kinematics.tree.segments
     found: dict[int, Sums] = {}
     for index in reversed(range(len(segments))):
@@ -130,7 +130,7 @@ def centre_velocity(kinematics: Kinematics, parts: Loads) -> Vector:
 
 def _over_mass(v: Vector, mass: Expr) -> Vector:
     if mass is ZERO:
-        raise ValueError("the centre of mass of what has no mass")
+        raise ValueError("bodies without mass have no centre of mass")
     return scaled(div(ONE, mass), v)
 
 

@@ -1,12 +1,11 @@
-"""Reads a model file with MuJoCo's own reader and compiler, MJCF or URDF, into plain data.
+"""Read a model file, MJCF or URDF, with MuJoCo's own reader and compiler into plain data.
 
-Nothing of MuJoCo is left in the result but numbers.
+The result contains numbers only, and no objects of MuJoCo.
 """
 
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,16 +30,19 @@ from stc.mechanism.mechanism import (
 )
 from stc.mechanism.places import Places
 from stc.mechanism.switches import in_effect
+from stc.model_source import opened
 
 if TYPE_CHECKING:
     import mujoco
 
 
 class ModelFileError(StcError):
-    """A model cannot be read; the message carries MuJoCo's own."""
+    """A model cannot be read; the message includes MuJoCo's own."""
 
 
-def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mechanism:
+def read_model(
+    source: str | os.PathLike[str], text: str | None = None, additions: Sequence[str] = ()
+) -> Mechanism:
     """Read a model.
 
     Parameters
@@ -49,6 +51,8 @@ def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mecha
         The path of an MJCF or URDF file.
     text
         The content, where it is not to be read from the file; ``source`` then only names it in messages.
+    additions
+        What is added to it, in words of :data:`stc.model_source.ADDITIONS`.
 
     Raises
     ------
@@ -56,47 +60,14 @@ def read_model(source: str | os.PathLike[str], text: str | None = None) -> Mecha
         MuJoCo does not accept it, or it is not there.
     """
     try:
-        model, spec, told = _compiled(source, text)
+        read = opened(source, additions, text)
     except (ValueError, OSError) as error:
         why = f"MuJoCo does not accept {os.fsdecode(source)}: {' '.join(str(error).split())}"
-        raise ModelFileError(f"{why}. {_URDF}" if _is_urdf(source) else why) from None
+        raise ModelFileError(why) from None
     name = os.fsdecode(source)
     content = text if text is not None else Path(name).read_text(encoding="utf-8", errors="replace")
-    return in_effect(_Reader(model, spec, Places(name, content)).mechanism(name, told))
-
-
-#: What a URDF lacks that is written for other programs.
-_URDF = (
-    "A URDF tells MuJoCo where its meshes lie, and what to do with inertias that cannot be, by a line within <robot>: "
-    '<mujoco><compiler meshdir="../meshes" strippath="true" discardvisual="true" balanceinertia="true"/></mujoco>'
-)
-
-
-def _is_urdf(source: str | os.PathLike[str]) -> bool:
-    return os.fsdecode(source).lower().endswith(".urdf")
-
-
-def _compiled(
-    source: str | os.PathLike[str], text: str | None
-) -> tuple[mujoco.MjModel, Any, tuple[str, ...]]:
-    """A compiled model, its description, and what MuJoCo has said, which would go to a file ``MUJOCO_LOG.TXT``."""
-    import mujoco
-
-    said: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            if text is None:
-                spec = mujoco.MjSpec.from_file(os.fsdecode(source))
-            else:
-                spec = mujoco.MjSpec.from_string(text)
-            model = spec.compile()
-    finally:
-        mujoco.set_mju_user_warning(before)
-    said += [str(warning.message) for warning in caught]
-    return model, spec, tuple(dict.fromkeys([" ".join(each.split()) for each in said]))
+    reader = _Reader(read.model, read.spec, Places(name, content))
+    return in_effect(reader.mechanism(name, read.told, read.changes))
 
 
 def _floats(values: Any) -> tuple[Any, ...]:
@@ -104,14 +75,14 @@ def _floats(values: Any) -> tuple[Any, ...]:
 
 
 class _Reader:
-    """From a compiled model, and the description that knows the lines of its elements."""
+    """Reads a compiled model, and the description with the lines of its elements."""
 
     def __init__(self, model: mujoco.MjModel, spec: Any, places: Places) -> None:
         self.m = model
         self.spec = spec
         self.places = places
 
-    def mechanism(self, source: str, told: tuple[str, ...]) -> Mechanism:
+    def mechanism(self, source: str, told: tuple[str, ...], changes: tuple[str, ...]) -> Mechanism:
         m = self.m
         self.body_names = self._names("BODY", m.nbody, lambda i: "world" if i == 0 else f"body{i}")
         self.joint_names = self._names("JOINT", m.njnt, lambda i: self.body_names[m.jnt_bodyid[i]])
@@ -151,6 +122,7 @@ class _Reader:
             n_activations=int(m.na),
             others=self._others(),
             warnings=told,
+            changes=changes,
         )
 
     def _in_body(self, same: int, body: int, pos: Any, quat: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
@@ -172,7 +144,7 @@ class _Reader:
         return mujoco.mj_id2name(self.m, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), index) or ""
 
     def _names(self, kind: str, count: int, called: Callable[[int], str]) -> list[str]:
-        """Names of all elements of a kind; those without one are ``called`` something, numbered where that is taken."""
+        """Names of all elements of a kind; an element without one gets a default name, numbered if that is taken."""
         names = [self._name(kind, index) for index in range(count)]
         taken = set(names)
         for index, name in enumerate(names):
@@ -263,7 +235,7 @@ class _Reader:
         return tuple(joints)
 
     def _softness(self, solref: Sequence[float], solimp: Sequence[float]) -> tuple[float, float]:
-        """How MuJoCo's dry friction gives way: the damping of what slips, 1/s, and the softness of an inertia of 1."""
+        """The compliance of MuJoCo's dry friction: the damping of slip, 1/s, and the softness for an inertia of 1."""
         import mujoco
 
         least, most = [min(max(float(d), mujoco.mjMINIMP), mujoco.mjMAXIMP) for d in solimp[:2]]
@@ -302,11 +274,27 @@ class _Reader:
                     adhesion=float(m.geom_adhesion[i]),
                     surface_velocity=_floats(m.geom_surfacevel[i]),
                     solref=_floats(m.geom_solref[i]),
+                    corners=self._corners(i),
                     place=places[i],
                 )
                 for i in range(m.ngeom)
             ]
         )
+
+    def _corners(self, geom: int) -> tuple[Any, ...]:
+        """The corners of the convex hull of a mesh, which is what MuJoCo lets touch; none of what touches nothing."""
+        m, mesh = self.m, int(self.m.geom_dataid[geom])
+        touches = m.geom_contype[geom] or m.geom_conaffinity[geom]
+        if _member("mjtGeom", "mjGEOM_", m.geom_type[geom]) != "mesh" or not touches or mesh < 0:
+            return ()
+        first, count, graph = m.mesh_vertadr[mesh], m.mesh_vertnum[mesh], m.mesh_graphadr[mesh]
+        vertices = m.mesh_vert[first : first + count]
+        if (
+            graph >= 0
+        ):  # the numbers of the hull's vertices and faces, where each one's edges begin, and which they are
+            corners = int(m.mesh_graph[graph])
+            vertices = vertices[m.mesh_graph[graph + 2 + corners : graph + 2 + 2 * corners]]
+        return tuple([_floats(vertex) for vertex in vertices])
 
     def _sites(self) -> tuple[Site, ...]:
         m = self.m
@@ -416,7 +404,7 @@ class _Reader:
         return tuple(actuators)
 
     def _inputs(self, actuator: int) -> tuple[str, ...]:
-        """What the controls of a controller or an electric motor are."""
+        """The names of the controls of a controller or an electric motor."""
         import mujoco
 
         if _member("mjtGain", "mjGAIN_", self.m.actuator_gaintype[actuator]) not in ("pid", "dcmotor"):
@@ -427,7 +415,7 @@ class _Reader:
         return tuple([named[bit] for bit in sorted(named) if named[bit] != "none"])
 
     def _acts_on(self, actuator: int) -> str:
-        """What an actuator without a name is called by."""
+        """The name of an unnamed actuator."""
         m = self.m
         kind = _member("mjtTrn", "mjTRN_", m.actuator_trntype[actuator])
         target = int(m.actuator_trnid[actuator][0])
@@ -464,6 +452,7 @@ class _Reader:
 
     def _keyframes(self) -> tuple[Keyframe, ...]:
         m = self.m
+        places = self._places("keys", "key", [0] * m.nkey)
         names = self._names("KEY", m.nkey, lambda i: f"keyframe{i + 1}")
         return tuple(
             [
@@ -474,6 +463,7 @@ class _Reader:
                     qvel=_floats(m.key_qvel[i]),
                     activations=_floats(m.key_act[i]),
                     controls=_floats(m.key_ctrl[i]),
+                    place=places[i],
                 )
                 for i in range(m.nkey)
             ]
@@ -498,7 +488,7 @@ class _Reader:
         )
 
     def _others(self) -> tuple[tuple[str, str, Place | None], ...]:
-        """Flexes, and plugins that may exert forces by themselves: shapes and sensors do not, actuators say so."""
+        """Flexes, and plugins that can exert forces by themselves."""
         m, found = self.m, list[tuple[str, str, Place | None]]()
         for element in list(self.spec.flexes)[: m.nflex]:
             place = self.places.of(element.info, "flex", element.name)

@@ -1,4 +1,4 @@
-"""What of a model cannot be stated exactly as smooth equations, each with its name and its line."""
+"""Elements of a model that cannot be stated exactly as smooth equations, with their names and lines."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """One thing that cannot be stated.
+    """One element that cannot be stated.
 
     Attributes:
         kind: one of :data:`KINDS`, the word that leaves it out.
-        element: what it is and how it is called: ``actuator "left"``.
-        reason: a sentence.
-        place: where it stands in the model file, None where that is not known.
+        element: its kind and name: ``actuator "left"``.
+        reason: the reason, in words.
+        place: its position in the model file, None if it is not known.
     """
 
     kind: str
@@ -47,9 +47,9 @@ class Refusal:
 
 
 def refusals(mechanism: Mechanism) -> list[Refusal]:
-    """Everything that stands in the way of exact equations of motion, in the order of :data:`KINDS`.
+    """All elements for which there are no exact equations of motion, in the order of :data:`KINDS`.
 
-    Contact, limits and dry friction are no equations of motion and not looked at here.
+    Contact, limits and dry friction are not equations of motion and not checked here.
     """
     found = [
         *_medium(mechanism),
@@ -65,7 +65,7 @@ def refusals(mechanism: Mechanism) -> list[Refusal]:
 
 
 def without(mechanism: Mechanism, kinds: Iterable[str]) -> Mechanism:
-    """The model without all that some words of :data:`KINDS` stand for; springs that yield do not yield any more.
+    """The model without all elements of some kinds of :data:`KINDS`; yielding springs become elastic.
 
     Raises:
         ValueError: an unknown word.
@@ -161,7 +161,7 @@ def _of_actuators(actuators: Iterable[Actuator]) -> Iterator[Refusal]:
 
 
 def _reason(actuator: Actuator) -> tuple[str, str] | None:
-    """Why an actuator cannot be stated, and the word that leaves it out; None where it can."""
+    """Why an actuator cannot be stated, and its kind; None if it can."""
     if actuator.plugin:
         return "plugins", "its force is computed by a plugin"
     if actuator.transmission == "body":
@@ -189,7 +189,7 @@ def _reason(actuator: Actuator) -> tuple[str, str] | None:
 
 
 def _kinks(actuator: Actuator) -> list[str]:
-    """What of a controller or an electric motor is no smooth equation."""
+    """The parts of a controller or an electric motor that are not smooth."""
     dynamics, gain = actuator.dynamics_parameters, actuator.gain_parameters
     found: list[tuple[str, float]] = []
     if actuator.dynamics == "pid":
@@ -223,7 +223,7 @@ def _of_tendons(mechanism: Mechanism) -> Iterator[Refusal]:
 
 
 def _branches(mechanism: Mechanism, index: int) -> bool:
-    """Whether a tendon has armature and acts on bodies of which neither hangs on the other.
+    """Whether a tendon has armature and acts on bodies of which neither is an ancestor of the other.
 
     MuJoCo's inertia matrix has no entries between branches of the tree, and leaves out what would stand there.
     """
@@ -244,7 +244,7 @@ def _branches(mechanism: Mechanism, index: int) -> bool:
 
 
 def _above(mechanism: Mechanism, body: int) -> set[int]:
-    """A body and all that it hangs on."""
+    """A body and all its ancestors."""
     found = {body}
     while body:
         body = mechanism.bodies[body].parent
@@ -268,7 +268,7 @@ def _of_equalities(mechanism: Mechanism) -> Iterator[Refusal]:
 
 
 def _word_of(equality: Equality) -> str:
-    """The word that leaves an equality out, empty for those that can be stated; flexes have their own ones."""
+    """The kind of an equality that cannot be stated, empty for others; flexes have their own kinds."""
     if equality.kind in _EQUALITIES:
         return ""
     return "flexes" if equality.kind.startswith("flex") else "equalities"

@@ -1,4 +1,4 @@
-"""How far apart the surfaces of two geoms are: spheres, capsules, boxes and planes.
+"""The distance between the surfaces of two geoms: spheres, capsules, boxes and planes.
 
 A sphere is a centre with a radius around it, a capsule a segment, a box three segments added up: each is a *core*, the
 sum of a centre and of segments, with a ball of some radius added (a plane is all that lies below it).  The distance of
@@ -7,9 +7,9 @@ segments e_k u_k of both,
 
     distance = max over unit vectors n of  n.c - sum_k e_k abs(n.u_k) - the radii,
 
-since the support function of a sum is the sum of the support functions.  Where the cores overlap the same maximum is
-minus the depth of penetration.  So a direction that is an unknown states ``distance >= d`` exactly, without a kink and
-without complementarity [Zhang, Liniger & Borrelli 2021]; and any direction gives a lower bound.
+since the support function of a sum is the sum of the support functions.  If the cores overlap, the same maximum is the
+negative depth of penetration.  With the direction as an unknown, ``distance >= d`` is therefore stated exactly,
+without a kink and without complementarity [Zhang, Liniger & Borrelli 2021]; any direction gives a lower bound.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ _SHARP, _MANY = 1e-4, 30
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """What lies between two geoms, in the axes of the segment that carries both.
+    """The separation of two geoms, in the axes of their common ancestor segment.
 
     Attributes:
         centre: from the core of the second to that of the first.
         halves: the half lengths of the segments of both cores, and their directions.
         radii: of both together.
-        normal: of the plane, where one of them is a plane: the direction is then known, and the centre's is that of a
-            place on it.
+        normal: the normal of the plane, if one of them is a plane: the direction is then known, and its centre is a
+            point on it.
     """
 
     centre: Vector
@@ -59,7 +59,7 @@ class Separation:
 
     @property
     def is_smooth(self) -> bool:
-        """Whether the distance has no kinks: between two spheres, a sphere and a plane."""
+        """Whether the distance has no kinks: for two spheres, or a sphere and a plane."""
         return not self.halves
 
     @property
@@ -68,12 +68,12 @@ class Separation:
         return self.normal is None and not self.is_smooth
 
     def widths(self, direction: Sequence[Expr]) -> list[Expr]:
-        """How much of each half segment a direction sees, e_k (n.u_k), with a sign."""
+        """The projection of each half segment on a direction, e_k (n.u_k), with a sign."""
         return [mul(num(e), dot(direction, u)) for e, u in self.halves]
 
     def direction(self, rounded: float = _ROUNDED, sweeps: int = _SWEEPS) -> Vector:
-        """Nearly the direction in which the gap is greatest, smooth: that between points of the cores that are nearly
-        the nearest ones.
+        """An approximation of the direction of the largest gap, smooth: between approximate nearest points of the
+        cores.
 
         Each half segment's own point moves in turn to where it is nearest to the other core, and stops smoothly at its
         ends.
@@ -91,8 +91,8 @@ class Separation:
         return scaled(div(ONE, magnitude(way)), way)
 
     def lower_bound(self) -> Expr:
-        """A smooth function that is nowhere above the distance while the cores do not overlap; the distance itself
-        where that is smooth.
+        """A smooth function that is at most the distance while the cores do not overlap; the distance itself if that
+        is smooth.
         """
         if self.is_smooth and self.normal is None:
             return sub(magnitude(self.centre), num(self.radii))
@@ -100,8 +100,7 @@ class Separation:
         return self._seen(direction, dot(direction, self.centre), _SIDES)
 
     def value(self) -> Expr:
-        """The distance but for some 1e-4 of the sizes, from below; its derivatives are large, and it takes many
-        operations.
+        """The distance to about 1e-4 of the sizes, from below; its derivatives are large, and it needs many operations.
 
         The greatest gap of several directions: the sides of the cores and what is at right angles to two of them, which
         are all that matter where faces or edges are nearest, and :meth:`direction` for corners.
@@ -119,7 +118,7 @@ class Separation:
         return reduce(_greater, gaps)
 
     def _seen(self, direction: Sequence[Expr], way: Expr, rounded: float) -> Expr:
-        """The gap that a direction sees, from how long the way between the centres is along it."""
+        """The gap along a direction, from the projection of the vector between the centres."""
         sizes = [e for e, _ in self.halves]
         widths = [
             _absolute(width, rounded * e) for width, e in zip(self.widths(direction), sizes, strict=True)
@@ -127,7 +126,7 @@ class Separation:
         return sub(sub(way, sum_of(widths)), num(self.radii))
 
     def gaps(self, direction: Sequence[Expr], widths: Sequence[Expr]) -> list[Expr]:
-        """Expressions of which the least is the gap that a direction sees, where ``widths`` are not too small.
+        """Expressions whose minimum is the gap along a direction, if ``widths`` are not too small.
 
         Parameters
         ----------
@@ -157,7 +156,7 @@ class Separation:
 
 
 def separation(dynamics: Dynamics, first: int, second: int) -> Separation:
-    """What lies between two geoms of a model.
+    """The separation of two geoms of a model.
 
     Raises:
         ValueError: one of them has a shape without a distance, or both are planes.
@@ -193,7 +192,7 @@ def _core(geom: Geom, turn: Matrix) -> tuple[tuple[tuple[float, Vector], ...], f
 
 
 def _in_segment(kinematics: Kinematics, frame: Frame, segment: int) -> tuple[Matrix, Vector]:
-    """The axes of a frame, as columns, and its origin in a segment that it hangs on, or in the world."""
+    """The axes of a frame, as columns, and its origin in an ancestor segment, or in the world."""
     turn, at, here = frame.turn, frame.at, frame.segment
     while here not in (segment, WORLD):
         axes, origin = kinematics.locals[here]
@@ -208,7 +207,7 @@ def _greater(a: Expr, b: Expr) -> Expr:
 
 
 def _stopped(share: Expr, rounded: float) -> Expr:
-    """A share between -1 and 1, near to a given one: half the difference of the distances from both ends, rounded."""
+    """A share between -1 and 1, close to a given one: half the difference of the distances from both ends, rounded."""
     above, below = [_absolute(end, rounded) for end in (add(share, ONE), sub(share, ONE))]
     return mul(num(0.5), sub(above, below))
 

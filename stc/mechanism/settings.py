@@ -1,4 +1,4 @@
-"""Numbers of a model that a spec can set: their paths, their values, and the model with other ones.
+"""Numbers of a model that a spec can set: their paths, their values, and the model with other values.
 
 =============================================  ================================================================
 path                                           what it is
@@ -19,9 +19,9 @@ path                                           what it is
 ``actuator.NAME.gear``                         the first number of its gear
 =============================================  ================================================================
 
-A mass does not scale an inertia.  Places are not among them where MuJoCo's own numbers would follow: those of bodies in
-a model with a connect of bodies, which is anchored where the file draws it; those of bodies and sites in a model that
-ties lengths of tendons in space to each other.
+A mass does not scale an inertia.  Some positions cannot be set, because MuJoCo derives other numbers from them: those
+of bodies in a model with a connect of bodies, whose anchor is that in the file; those of bodies and sites in a model
+with an equality between spatial tendons.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def settable(mechanism: Mechanism) -> dict[Path, float]:
 
 
 def _followed(mechanism: Mechanism) -> set[tuple[str, str]]:
-    """Kinds and fields that other numbers of the model follow."""
+    """Kinds and fields from which other numbers of the model are derived."""
     found = set()
     for equality in mechanism.equalities:
         if equality.kind == "connect" and equality.between == "body":
@@ -117,7 +117,7 @@ def changed(mechanism: Mechanism, values: Mapping[Path, float]) -> Mechanism:
     known = settable(mechanism)
     for path in values:
         if path not in known:
-            raise ValueError(f"{'.'.join(path)} is nothing that can be set")
+            raise ValueError(f"{'.'.join(path)} cannot be set")
     for path, value in values.items():
         mechanism = _set(mechanism, path, float(value))
     return mechanism

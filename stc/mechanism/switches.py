@@ -1,4 +1,4 @@
-"""What the flags under `option` of a model switch off, and what a simulation therefore has not."""
+"""Flags under `option` of a model that switch elements off."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ _CONSTRAINTS = frozenset(("equality", "frictionloss", "limit", "contact"))
 
 
 def in_effect(mechanism: Mechanism) -> Mechanism:
-    """A model without what its flags switch off: limits of joints and tendons, the clamping of controls, equality
-    constraints, dry friction, actuators.  Gravity, springs and dampers are looked up where their forces are made.
+    """A model without the elements that its flags switch off: limits of joints and tendons, the clamping of controls,
+    equality constraints, dry friction, actuators. Gravity, springs and dampers are checked where their forces are
+    built.
     """
     disabled = mechanism.options.disabled
     if "constraint" in disabled:

@@ -1,4 +1,4 @@
-"""The lengths that forces act along: joints, tendons, and places, with the actuators' gear."""
+"""The lengths along which forces act: joints, tendons, and sites, with the actuators' gear."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def transmission(
     sites: Sequence[Frame],
     tendons: Sequence[Transmission],
 ) -> Transmission:
-    """What an actuator acts along.
+    """The transmission of an actuator.
 
     Raises:
         ValueError: its kind of transmission cannot be stated.
@@ -211,7 +211,7 @@ def _site(kinematics: Kinematics, site: Frame, gear: Sequence[Expr]) -> Transmis
 def _between(
     kinematics: Kinematics, site: Frame, reference: Frame, gear: Sequence[Expr], actuator: Actuator
 ) -> Transmission:
-    """Between two sites, in the axes of the second: what moves both does not count."""
+    """Between two sites, in the axes of the second: motions of both together do not count."""
     axes = kinematics.axes_of(reference)
     pull: Vector = (gear[0], gear[1], gear[2])
     twist: Vector = (gear[3], gear[4], gear[5])
@@ -238,7 +238,7 @@ def _between(
 
 
 def _slider_crank(kinematics: Kinematics, crank: Frame, slider: Frame, rod: float) -> Transmission:
-    """Along the slider's axis to where a rod from the crank's pin ends on it."""
+    """The distance along the slider's axis to the end of a rod from the crank's pin."""
     axes = transposed(kinematics.axes_of(slider))
     axis = axes[2]
     way = minus(kinematics.place_of(crank), kinematics.place_of(slider))

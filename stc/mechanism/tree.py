@@ -1,4 +1,4 @@
-"""The tree of segments: what moves as one piece behind one joint, with its inertia in its own frame.
+"""The tree of segments: each is the rigid part behind one joint, with its inertia in its own frame.
 
 A segment's frame sits on the anchor of its joint.  Its axes are its parent's where the joint is at its reference and
 its axis is one of them; otherwise they are turned, as little as possible, until it is.  Bodies without joints belong to
@@ -35,7 +35,7 @@ Rotation = NDArray[np.float64]
 #: Entries of constant rotations this close to 0, 1 or -1 are meant to be these.
 _NOISE = 1e-14
 WORLD = -1
-"""The segment of bodies that nothing moves."""
+"""The segment of all fixed bodies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,17 +61,17 @@ NOTHING = Inertia(ZERO, ORIGIN, (ORIGIN, ORIGIN, ORIGIN))
 
 @dataclass(slots=True)
 class Segment:
-    """One joint and what moves behind it.
+    """One joint and the rigid part behind it.
 
     Attributes:
-        parent: the segment that it hangs on, :data:`WORLD` for none.
+        parent: its parent segment, :data:`WORLD` for none.
         joint: the joint.
         turn, at: its frame in the parent's, where its joint is at its reference.
         axis: the direction of a hinge or slide in its frame.
         inertia: of all its bodies together.
-        effective: what of it and of what hangs on it has to be counted here, the rest being with the parents; see
+        effective: the inertia of it and its descendants that is counted here; the rest is counted with the parents, see
             :func:`_shared`.
-        parts: of each of its bodies with mass.
+        parts: the inertia of each of its bodies with mass.
     """
 
     parent: int
@@ -85,7 +85,7 @@ class Segment:
 
 
 class Tree:
-    """The segments of a mechanism, parents first, and where its bodies are in them.
+    """The segments of a mechanism, parents first, and the frames of its bodies in them.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Tree:
         self.frames = [Frame(s, matrix(_clean(turn)), at) for s, turn, at in self._placed]
 
     def frame(self, body: int, pos: Vector, quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> Frame:
-        """A frame fixed in a body, by its place and axes in the body's frame."""
+        """A frame fixed in a body, from its position and axes in the body's frame."""
         segment, turn, at = self._placed[body]
         return Frame(
             segment, matrix(_clean(turn @ rotation(quat))), plus(at, times(matrix(_clean(turn)), pos))
@@ -153,7 +153,7 @@ class Tree:
         self._placed.append((segment, turn, at))
 
     def _load(self, index: int, body: Body) -> None:
-        """Give a body's inertia to its segment."""
+        """Add a body's inertia to its segment."""
         number = self.numbers.number
         mass = number(body.mass, "body", body.name, "mass")
         moments = self.vector_of(("body", body.name, "inertia"), body.inertia)
@@ -179,7 +179,7 @@ class Tree:
         (self.fixed if segment == WORLD else self.segments[segment].parts)[index] = inertia
 
     def _merge(self) -> None:
-        """Add up the inertias of the bodies of each segment, and hand down what its parent can carry as well."""
+        """Sum the inertias of the bodies of each segment, and pass on what its parent can take over."""
         carried = [[*segment.parts.values()] for segment in self.segments]
         ground = [*self.fixed.values()]
         for index in reversed(range(len(self.segments))):
@@ -210,7 +210,7 @@ class Tree:
 
 
 def _without_noise(entries: Sequence[Expr]) -> list[Expr]:
-    """Numbers that belong together, without those that rounding has made of zeros."""
+    """Related numbers, with values that are zero up to rounding replaced by zero."""
     sizes = [abs(e.payload) if e.op == "num" else 0.0 for e in entries]
     least = _NOISE * max(sizes)
     return [ZERO if e.op == "num" and size < least else e for e, size in zip(entries, sizes, strict=True)]
@@ -227,7 +227,8 @@ def total(parts: Iterable[Inertia]) -> Inertia:
 
 
 def _shared(segment: Segment, inertia: Inertia) -> tuple[Inertia, Inertia]:
-    """What a segment keeps of an inertia, in its frame, and what its parent takes over, in the parent's.
+    """The part of an inertia that a segment keeps, in its frame, and the part that its parent takes over, in the
+    parent's.
 
     Mass on the axis of a hinge moves with the parent as well, and so does mass at the centre of a ball joint; how a
     slide's segment turns is how its parent turns.  The parent takes over as much of this as makes mass, first moment
@@ -304,7 +305,7 @@ def _axes(joint: Joint, turn: Rotation) -> tuple[Rotation, tuple[float, float, f
 
 
 def drawn_pose(mechanism: Mechanism, body: int) -> tuple[Rotation, NDArray[np.float64]]:
-    """Axes, as columns, and place of a body in the world, in the pose that the model file draws."""
+    """Axes, as columns, and position of a body in the world, in the pose of the model file."""
     chain = []
     while body:
         chain.append(mechanism.bodies[body])

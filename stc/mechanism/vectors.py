@@ -1,6 +1,6 @@
 """Vectors and matrices of expressions in three dimensions.
 
-Zeros, ones and signs vanish as the expressions are built: the rules of :mod:`stc.symbolic` see to it.
+Zeros, ones and signs are simplified as the expressions are built, by the rules of :mod:`stc.symbolic`.
 """
 
 from __future__ import annotations

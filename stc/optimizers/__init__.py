@@ -34,7 +34,7 @@ class SizeWarning(UserWarning):
 
 
 class Minimizer(Protocol):
-    """What every optimizer can be called as."""
+    """The call signature of every optimizer."""
 
     def __call__(
         self,
@@ -78,14 +78,14 @@ def optimizer_of(name: str) -> Minimizer:
 
 
 def optimizer_names() -> list[str]:
-    """Every optimizer, without the choices of local algorithms that some of them have."""
+    """Every optimizer, without choices of local algorithms."""
     from stc.optimizers.nlopt_algorithms import ALGORITHMS
 
     return [DEFAULT, WITKIN_KASS, f"{WITKIN_KASS}:printed", *(f"nlopt:{name}" for name in ALGORITHMS)]
 
 
 def caution(name: str, nlp: NLP) -> str:
-    """What a user should know before this optimizer is let loose on a problem of this size, or ""."""
+    """A warning about this optimizer on a problem of this size, or ""."""
     if not name.startswith("nlopt:"):
         return ""
     from stc.optimizers.nlopt_algorithms import caution, choose
@@ -94,7 +94,7 @@ def caution(name: str, nlp: NLP) -> str:
 
 
 def has_long_steps(name: str, nlp: NLP) -> bool:
-    """Whether single steps of this optimizer may take minutes on a problem of this size, whatever the limits."""
+    """Whether single steps of this optimizer may take minutes on a problem of this size, despite limits."""
     if not name.startswith("nlopt:"):
         return False
     from stc.optimizers.nlopt_algorithms import choose, has_long_steps

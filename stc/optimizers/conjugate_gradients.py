@@ -1,4 +1,4 @@
-"""Linear systems by conjugate gradients, from products alone."""
+"""Linear systems by conjugate gradients, using products with the matrix only."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Product = Callable[[Floats], Floats]
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What conjugate gradients came to.
+    """The result of conjugate gradients.
 
     Attributes:
         x: the last iterate; of a singular consistent system, without a preconditioner, the shortest solution.
-        residual: length of what is missing, relative to the right-hand side.
+        residual: length of the residual, relative to the right-hand side.
         iterations: products with the matrix.
         indefinite: True when a direction of negative curvature ended it.
     """

@@ -1,11 +1,12 @@
-"""Multipliers for a point that came without them.
+"""Multipliers for a point from a method that returns none.
 
-A method that reports a point alone can be held to the optimality conditions all the same: the multipliers that
-fit it best solve a linear least-squares problem with signs,
+A point without multipliers can be tested for optimality all the same: the multipliers that fit it best solve a linear
+least-squares problem with signs,
 
-    minimise |grad f + J^T y + z|   over   y, z of the sign that their active bound gives, zero where none is.
+    minimise |grad f + J^T y + z|   over   y, z of the sign that their active bound gives, zero where no bound is
+    active.
 
-Whether the point is optimal then depends on the point and not on the word of whoever found it.
+Whether the point is optimal then depends on the point alone, and not on the optimizer's own report.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ DENSE_ENTRIES = 2_000_000
 
 
 def assess_point(nlp: NLP, x: Floats, good_enough: float = 0.0) -> tuple[Floats, Assessment]:
-    """Row multipliers (m,) that suit ``x`` (n,) best, and the optimality conditions with them.
+    """The row multipliers (m,) that fit ``x`` (n,) best, and the optimality conditions with them.
 
     What counts as active is tried from close to far; the choice with the smallest error wins, and the first
     one with an error of at most ``good_enough`` ends the search.
@@ -59,7 +60,8 @@ def estimate_multipliers(nlp: NLP, x: Floats, slack: float = 1e-6) -> Floats:
 
 
 def stationary_violation(nlp: NLP, x: Floats, weights: Floats) -> tuple[float, Floats]:
-    """How far ``x`` (n,) is from being stationary for the sum of the squared violations, ``weights`` (m,) times each.
+    """The distance of ``x`` (n,) from a stationary point of the sum of the squared violations, ``weights`` (m,) times
+    each.
 
     Returns:
         The largest entry of that function's gradient that no bound of a variable holds back, relative to the
@@ -167,7 +169,7 @@ def signed_least_squares(matrix: Floats, rhs: Floats, free: Mask) -> Floats:
 
 
 def _towards(matrix: Floats, rhs: Floats, free: Mask, s: Floats, used: Mask) -> tuple[Floats, Mask]:
-    """Go to the least-squares solution in the entries used, giving up those that stand in the way at zero."""
+    """Go to the least-squares solution in the entries used, dropping entries that reach zero."""
     while True:
         goal = _least_squares(matrix, rhs, used)
         wrong = used & ~free & (goal < 0.0)

@@ -1,8 +1,9 @@
-"""A method that nobody can stop, in a process of its own: it ends with its limit, and its best iterate is not lost.
+"""A method that cannot be interrupted, in a separate process, which can be ended at a time limit without losing its
+best iterate.
 
-NLopt's algorithms work long between two evaluations where problems are large, and hold Python's lock meanwhile: no
-other thread would see the clock, or a signal.  So a copy of this process carries them out and tells of each iterate;
-this one shows them, and ends the copy when the time is up or somebody asks for that.
+NLopt's algorithms work long between two evaluations of a large problem, and hold Python's lock meanwhile: no other
+thread could check the time, or a signal.  A copy of this process therefore runs them and reports each iterate; this
+process shows them, and ends the copy at the limit or on request.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ Method = Callable[[Callback | None], Result]
 
 
 def minimize_in_child(method: Method, nlp: NLP, options: Options, callback: Callback | None) -> Result:
-    """What ``method`` finds in another process.
+    """The result of ``method`` in another process.
 
     Args:
         method: minimises ``nlp``, and calls the callback that it is given.
@@ -47,7 +48,7 @@ def minimize_in_child(method: Method, nlp: NLP, options: Options, callback: Call
         callback: called in this process; returning True stops the solve.
 
     Raises:
-        Exception: what the method raises; MemoryError where the system ended the other process.
+        Exception: the exceptions of the method; MemoryError where the system ended the other process.
     """
     if not hasattr(os, "fork"):
         return method(callback)
@@ -93,7 +94,7 @@ def _followed(child: _Child, nlp: NLP, options: Options, callback: Callback | No
 
 
 def _note(monitor: Monitor, told: IterationRecord) -> None:
-    """Take over a record, and keep the point if it is the best so far."""
+    """Record an iterate, and keep the point if it is the best so far."""
     x = told.x
     assert x is not None
     monitor.iterations = told.iteration
@@ -115,7 +116,7 @@ def _note(monitor: Monitor, told: IterationRecord) -> None:
 
 
 class _Child:
-    """The other process, and what it tells."""
+    """The other process, and its messages."""
 
     def __init__(self, method: Method, nlp: NLP) -> None:
         from multiprocessing import Pipe
@@ -131,7 +132,7 @@ class _Child:
         there.close()
 
     def told(self) -> tuple[str, Any, Any] | None:
-        """The next message; None where there is none for a moment.
+        """The next message; None if there is none at the moment.
 
         Raises:
             MemoryError: the process was ended by the system.
@@ -156,7 +157,7 @@ class _Child:
 
 
 def _carry_out(method: Method, nlp: NLP, pipe: Any) -> NoReturn:
-    """All that the other process does."""
+    """The work of the other process."""
     try:
         # This process is ended by the other one, which alone hears signals.
         if threading.current_thread() is threading.main_thread():
@@ -188,7 +189,7 @@ def _carry_out(method: Method, nlp: NLP, pipe: Any) -> NoReturn:
 
 
 def _end_with_parent() -> None:
-    """Let the system end this process with the one that started it, where it can."""
+    """Let the system end this process together with its parent, if it can."""
     import ctypes
 
     with suppress(AttributeError, OSError, TypeError):

@@ -54,7 +54,7 @@ def minimize_with_nlopt(
     An iteration is an evaluation with derivatives, or n + 1 evaluations where an algorithm asks for none.
 
     Raises:
-        UsageError: no such algorithm, one that cannot do what the problem needs, or NLopt is not installed.
+        UsageError: the algorithm does not exist or cannot solve this kind of problem, or NLopt is not installed.
     """
     choice = choose(name)
     require(choice, nlp)
@@ -77,10 +77,10 @@ def _nlopt() -> Any:
 
 
 class _Log(Monitor):
-    """A monitor that also knows of points between iterations."""
+    """A monitor that also records points between iterations."""
 
     def note(self, x: Floats, objective: float, violation: float) -> None:
-        """Remember a point if it is the best so far."""
+        """Keep a point if it is the best so far."""
         if self._is_better(objective, violation):
             self.best = (violation, objective, x.copy(), np.zeros(0))
 
@@ -117,7 +117,7 @@ class _Solve:
         return self._concluded(x)
 
     def _searched(self) -> Floats:
-        """The best of the box, then finished locally: a search alone stops near an optimum and not at it."""
+        """The best point in the box, refined locally, since a search alone only comes close to an optimum."""
         self._optimised(self.choice, self.x0, SEARCH_SHARE)
         best = self._best(self.x0)
         if self.ended in (Status.INTERRUPTED, Status.TIME_LIMIT):
@@ -126,11 +126,11 @@ class _Solve:
         return self._optimised(self._local_choice(), best, 1.0)
 
     def _local_choice(self) -> Choice:
-        """What finishes or restarts locally: the algorithm itself, or SLSQP after a search."""
+        """The local algorithm for refinement or restarts: the algorithm itself, or SLSQP after a search."""
         return choose("nlopt:slsqp") if self.choice.algorithm.search else self.choice
 
     def _concluded(self, x: Floats) -> Result:
-        """The result for where the algorithm ended."""
+        """The result for the final point of the algorithm."""
         # To judge a large problem's point takes long: after the time limit there is one.
         candidates = [self._best(x)] if self.ended is Status.TIME_LIMIT else [x, self._best(x)]
         if self.optimal_at is not None:
@@ -175,7 +175,7 @@ class _Solve:
     # -- running NLopt -----------------------------------------------------------------------------------------
 
     def _optimised(self, choice: Choice, x0: Floats, share: float) -> Floats:
-        """Run one algorithm from ``x0`` (n,) with a share of the iterations allowed; where it ended."""
+        """Run one algorithm from ``x0`` (n,) with a share of the iterations; returns its final point."""
         functions = self.functions
         size = len(functions.free)
         allowed = int(share * self.options.max_iterations)
@@ -205,7 +205,7 @@ class _Solve:
         outcome = opt.last_optimize_result()
         if outcome == -2 or outcome == -3:
             reason = opt.get_errmsg() or ("out of memory" if outcome == -3 else "it does not say why")
-            raise UsageError(f"{choice.name} does not take this problem: {reason}")
+            raise UsageError(f"{choice.name} cannot solve this problem: {reason}")
         self.word = _WORDS.get(outcome, "stopped")
         self.ended = self.ended or _LIMITS.get(outcome)
         if watch.error is not None:
@@ -228,9 +228,9 @@ class _Solve:
         return opt
 
     def _least_violation(self, x: Floats) -> tuple[Floats, str]:
-        """Follow the sum of squared violations down, from ``x``, the start and points near them.
+        """Minimise the sum of squared violations from ``x``, the start and points near them.
 
-        NLopt cannot tell an infeasible problem from one that it failed on; this can.
+        NLopt cannot distinguish an infeasible problem from a failure; this can.
 
         Returns:
             The point of least violation and ``feasible``, ``stationary`` or ``""``: what it proves.
@@ -253,7 +253,7 @@ class _Solve:
         return best, "stationary" if error <= STATIONARY else ""
 
     def _descended(self, x: Floats) -> Floats:
-        """Where the sum of squared violations leads from ``x`` (n,)."""
+        """The minimum of the sum of squared violations reached from ``x`` (n,)."""
         functions = self.functions
         opt = self._configured(choose("nlopt:lbfgs").algorithm, len(functions.free), LOCAL_EVALUATIONS)
         watch = _Watch(self, self.choice, opt, self.options.max_iterations)
@@ -297,7 +297,9 @@ _WORDS = {
 
 
 class _Watch:
-    """Between NLopt and the problem: counts, logs, and stops NLopt without letting an exception through it."""
+    """The interface between NLopt and the problem: it counts, logs, and stops NLopt without raising exceptions through
+    it.
+    """
 
     def __init__(self, solve: _Solve, choice: Choice, opt: Any, allowed: int) -> None:
         self.solve, self.choice, self.opt, self.allowed = solve, choice, opt, allowed
@@ -307,7 +309,7 @@ class _Watch:
         self._last = solve.functions.x.copy()
 
     def objective(self, z: Floats, slope: Floats) -> float:
-        """NLopt's objective: a value, and its gradient into ``slope`` where that is wanted."""
+        """NLopt's objective: the objective's value; writes its gradient into ``slope`` if its size is not zero."""
         functions = self.solve.functions
 
         def evaluate() -> float:
@@ -322,7 +324,7 @@ class _Watch:
         return self._safely(evaluate, slope, np.inf)
 
     def guarded(self, fill: Callable[[Floats, Floats], None]) -> Callable[[Floats, Floats, Floats], None]:
-        """Rows for NLopt: it calls with where the values go, the point, and where the Jacobian goes."""
+        """Rows for NLopt, in its calling convention."""
         functions = self.solve.functions
 
         def rows(out: Floats, z: Floats, matrix: Floats) -> None:
@@ -367,7 +369,7 @@ class _Watch:
         return evaluate
 
     def _safely(self, evaluate: Callable[[], float], slope: Floats, otherwise: float) -> float:
-        """An evaluation; after a stop there are no more, for some algorithms go on for a while."""
+        """An evaluation; after a stop there are none, since some algorithms continue for a while."""
         if not self._stopped:
             try:
                 self.solve.monitor.check_time()  # Ctrl-C counts at every evaluation, not at iterations alone
@@ -389,7 +391,7 @@ class _Watch:
         self.opt.force_stop()
 
     def _count(self, derived: bool) -> None:
-        """Log a new point as an iteration, and stop where it is optimal already."""
+        """Log a new point as an iteration, and stop if it is already optimal."""
         solve = self.solve
         functions, monitor = solve.functions, solve.monitor
         whole = derived or self._evaluations % (len(functions.free) + 1) == 0

@@ -1,4 +1,4 @@
-"""NLopt's algorithms: what each can do, and whether that is what a problem needs.
+"""NLopt's algorithms, and the kinds of problems that each can solve.
 
 An optimizer is called ``nlopt:NAME``, or ``nlopt:NAME:LOCAL`` for those that hand subproblems to a second
 algorithm: ``nlopt:slsqp``, ``nlopt:auglag:tnewton``, ``nlopt:mlsl``.
@@ -15,16 +15,16 @@ from stc.solver.nlp import NLP
 __all__ = ["ALGORITHMS", "LARGE", "Algorithm", "Choice", "caution", "choose", "has_long_steps", "require"]
 
 LARGE = 500
-"""Variables from which on dense algebra is worth a warning."""
+"""Number of variables above which a warning about dense algebra is given."""
 
 
 @dataclass(frozen=True, slots=True)
 class Algorithm:
-    """What an algorithm of NLopt can do.
+    """The properties of an algorithm of NLopt.
 
     Attributes:
         constant: its name in NLopt.
-        summary: what it is, with its author.
+        summary: a description, with the author.
         gradient: uses derivatives.
         equalities, inequalities: accepts rows of that kind.
         box: needs two finite bounds on every variable.
@@ -131,22 +131,22 @@ class Choice:
 
 
 def choose(name: str) -> Choice:
-    """The algorithm that ``nlopt:NAME`` or ``nlopt:NAME:LOCAL`` means.
+    """The algorithm named by ``nlopt:NAME`` or ``nlopt:NAME:LOCAL``.
 
     Raises:
-        UsageError: there is no such algorithm, or it takes no local one.
+        UsageError: the algorithm does not exist, or does not use a local one.
     """
     _, _, rest = name.partition(":")
     main, _, local = rest.partition(":")
     algorithm = _named(main, name)
     if not algorithm.local:
         if local:
-            raise UsageError(f"{name}: `{main}` hands nothing to another algorithm")
+            raise UsageError(f"{name}: `{main}` does not use another algorithm")
         return Choice(name, algorithm)
     second = local or algorithm.local
     found = _named(second, name)
     if found.search or found.local:
-        raise UsageError(f"{name}: `{second}` is no local algorithm", f"for example: nlopt:{main}:lbfgs")
+        raise UsageError(f"{name}: `{second}` is not a local algorithm", f"for example: nlopt:{main}:lbfgs")
     return Choice(name, algorithm, found, second)
 
 
@@ -163,10 +163,10 @@ def _named(name: str, whole: str) -> Algorithm:
 
 
 def require(choice: Choice, nlp: NLP) -> None:
-    """Refuse a problem that an algorithm cannot take.
+    """Refuse a problem that an algorithm cannot solve.
 
     Raises:
-        UsageError: with what is in the way and which algorithms take it.
+        UsageError: with the reason, and the algorithms that can solve the problem.
     """
     algorithm = choice.algorithm
     fixed = nlp.x_lower == nlp.x_upper
@@ -213,7 +213,7 @@ def _who(can: object) -> str:
 
 
 def caution(choice: Choice, nlp: NLP) -> str:
-    """What to be warned of before a solve, or ""."""
+    """A warning before a solve, or ""."""
     unknowns = _unknowns(nlp)
     if unknowns <= LARGE:
         return ""
@@ -244,5 +244,5 @@ def _is_dense(choice: Choice) -> bool:
 
 
 def _unknowns(nlp: NLP) -> int:
-    """How many variables are not fixed."""
+    """The number of variables that are not fixed."""
     return int((nlp.x_lower != nlp.x_upper).sum())

@@ -1,4 +1,4 @@
-"""A nonlinear program as NLopt takes it: equations ``c(x) = 0`` and inequalities ``d(x) <= 0`` with dense Jacobians."""
+"""A nonlinear program in NLopt's form: equations ``c(x) = 0`` and inequalities ``d(x) <= 0`` with dense Jacobians."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Functions:
         self._inequality_entries = self._entries([self.above, self.below], sign)
 
     def _entries(self, parts: list[Any], sign: Floats) -> tuple[Any, Any, Any, Floats]:
-        """Where each Jacobian entry goes in a dense matrix of these rows and the free variables."""
+        """The position of each Jacobian entry in a dense matrix of these rows and the free variables."""
         nlp = self.nlp
         column = np.full(nlp.n, -1)
         column[self.free] = np.arange(len(self.free))
@@ -72,7 +72,7 @@ class Functions:
         return np.clip(x, self.nlp.x_lower, self.nlp.x_upper)
 
     def move(self, z: Floats) -> bool:
-        """Go to free variables ``z``; True when the point is a new one."""
+        """Go to free variables ``z``; True if the point is new."""
         key = z.tobytes()
         if key == self._valued:
             return False
@@ -83,7 +83,7 @@ class Functions:
         return True
 
     def derive(self, z: Floats) -> bool:
-        """Derivatives at ``z``; True when they are new."""
+        """Compute derivatives at ``z``; True if they are new."""
         self.move(z)
         key = z.tobytes()
         if key == self._derived:
@@ -144,7 +144,7 @@ def _fill(matrix: Floats, jac: Floats, entries: tuple[Any, Any, Any, Floats]) ->
 
 
 def _variable_scales(nlp: NLP, x: Floats) -> Floats:
-    """Units (n,) in which variables of odd sizes have ordinary ones."""
+    """Scale factors (n,) for very large or small variables."""
     with np.errstate(invalid="ignore"):
         span = nlp.x_upper - nlp.x_lower
     narrow = np.isfinite(span) & (span > 0.0) & (span < USUAL[0])
@@ -154,7 +154,7 @@ def _variable_scales(nlp: NLP, x: Floats) -> Floats:
 
 
 def _gradient_scales(nlp: NLP, x: Floats, x_scale: Floats) -> tuple[float, Floats]:
-    """Factors for the objective and the rows (m,) that bring gradients of odd sizes at ``x`` (n,) to ordinary ones."""
+    """Scale factors for the objective and the rows (m,) with very large or small gradients at ``x`` (n,)."""
     gradient, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 0.0)
     rows = np.zeros(nlp.m)
     np.maximum.at(rows, nlp.jac_rows, np.abs(jac * x_scale[nlp.jac_cols]))

@@ -1,4 +1,4 @@
-"""The result of a method that has a point and perhaps multipliers, judged anew from the problem as stated."""
+"""The result of a method that returns a point and perhaps multipliers, checked against the problem as stated."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from stc.solver.status import NO_MINIMUM, Status, advice, sentence
 __all__ = ["Judgement", "judge", "point_result"]
 
 GAIN = 100.0
-"""The first-order gain that is let pass, as a multiple of the tolerance of the optimality error."""
+"""The accepted first-order gain, as a multiple of the tolerance of the optimality error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """A point, the multipliers that suit it, and how far both are from optimal.
+    """A point, the multipliers that fit it, and their distance from optimality.
 
     Attributes:
         x: variables, (n,).
@@ -44,9 +44,9 @@ class Judgement:
 
 
 def judge(nlp: NLP, x: Floats, options: Options, y: Floats | None = None) -> Judgement:
-    """Hold a point ``x`` (n,) against the optimality conditions.
+    """Check a point ``x`` (n,) against the optimality conditions.
 
-    Without row multipliers ``y`` (m,) those that suit it best are found by least squares.
+    Without row multipliers ``y`` (m,), those that fit best are found by least squares.
     """
     y, found = assess_point(nlp, x, options.unscaled_tolerance) if y is None else (y, assess(nlp, x, y))
     gain = possible_gain(nlp, x, y, found.bound_multipliers)
@@ -66,11 +66,11 @@ def point_result(
     message: str = "",
     factorizations: int = 0,
 ) -> Result:
-    """Make a result that is called optimal when, and only when, it is.
+    """A result that is ``optimal`` if and only if the conditions hold.
 
-    That takes the second-order condition, too: that no lower point is found along negative curvature. An end for want
-    of progress becomes ``optimal`` where the conditions hold, and a claim to be optimal becomes ``failed`` where they
-    do not; other statuses stay, for they need evidence of their own.
+    This includes the second-order condition: no lower point is found along negative curvature.  A lack of progress
+    becomes ``optimal`` if the conditions hold, and an alleged optimum becomes ``failed`` if they do not; other
+    statuses do not change, since they need evidence of their own.
     """
     if status in (Status.OPTIMAL, Status.FAILED):
         status = Status.OPTIMAL if judgement.optimal else Status.FAILED

@@ -17,7 +17,7 @@ FAR = -1e6
 
 
 def falls_without_limit(nlp: NLP, x: Floats, origin: Floats, feasibility: float) -> bool:
-    """True when the objective keeps falling, in proportion to the way at least, along a ray of feasible points.
+    """True if the objective decreases, at least in proportion to the distance, along a ray of feasible points.
 
     Tried are the ray from ``origin`` through the feasible point ``x`` (n,), and the one along the negative
     gradient, both moved inside the bounds of the variables.  Each goes far beyond anything that a problem can mean.

@@ -106,7 +106,7 @@ class _Point:
 
 
 class _Failed(ArithmeticError):
-    """No step could be found."""
+    """No step was found."""
 
 
 class _Solve:
@@ -178,7 +178,7 @@ class _Solve:
         )
 
     def _judged(self, point: _Point) -> Judgement:
-        """With the multipliers of the second system; for the printed method with those that fit best."""
+        """The result with the multipliers of the second system; for the printed method with those that fit best."""
         if self.printed:
             answer = conjugate_gradients(
                 lambda v: self._rows(point, self._columns(point, v)),
@@ -192,7 +192,7 @@ class _Solve:
     # -- steps -------------------------------------------------------------------------------------------------
 
     def _full_step(self, point: _Point) -> tuple[_Point, float]:
-        """The method as printed: shortest solutions of both systems, taken whole wherever functions have values."""
+        """The method as printed: shortest solutions of both systems, with full steps wherever functions are defined."""
         newton = conjugate_gradients(
             lambda v: self._hessian(point, v), -point.gradient, OUTER, check=self.monitor.check
         )
@@ -210,7 +210,7 @@ class _Solve:
         raise _Failed
 
     def _accepted_step(self, point: _Point) -> tuple[_Point, float]:
-        """A step that lessens the merit function, sigma grown until there is one."""
+        """A step that decreases the merit function; sigma grows until there is one."""
         while self.sigma <= LARGEST_SIGMA:
             self.monitor.check()
             found = self._pair(point)
@@ -226,12 +226,12 @@ class _Solve:
         raise _Failed
 
     def _promise(self, point: _Point, step: Floats, length: float) -> float:
-        """What the objective's own quadratic model and the linearised equations say that a step gains."""
+        """The decrease that the objective's quadratic model and the linearised equations predict for a step."""
         along, bent = inner(point.gradient, step), inner(step, self._hessian(point, step))
         return length * (self.penalty * float(np.abs(point.c).sum()) - along) - 0.5 * length**2 * bent
 
     def _adapt(self, promised: float, gained: float) -> None:
-        """Trust the objective's curvature more where the gain is as promised, and less where it is not."""
+        """Reduce sigma if the decrease is as predicted, and increase it if it is not."""
         self.flat = promised <= NEGLIGIBLE * max(1.0, abs(self.merit))
         if self.flat:  # gains drown in rounding errors
             return
@@ -345,7 +345,7 @@ class _Solve:
         return np.asarray(np.bincount(nlp.hess_rows[on], weights=point.hess[on], minlength=nlp.n), float)
 
     def _scale(self, point: _Point) -> float:
-        """What sigma is relative to: the largest curvature, or 1 where there is none."""
+        """The scale of sigma: the largest curvature, or 1 if there is none."""
         return float(np.abs(point.hess).max(initial=0.0)) or 1.0
 
     def _metric_diagonal(self, point: _Point) -> Floats:
@@ -367,7 +367,7 @@ class _Solve:
     # -- results -----------------------------------------------------------------------------------------------
 
     def _stuck(self, point: _Point, judged: Judgement) -> Result:
-        """The result where no step is left."""
+        """The result if no step is left."""
         nlp, options = self.nlp, self.options
         if not judged.optimal:
             judged = min(judged, judge(nlp, point.x, options), key=lambda one: one.error)
@@ -381,13 +381,13 @@ class _Solve:
             return self._result(point.x, Status.UNBOUNDED)
         found = judged.conditions
         message = (
-            f"The steps came to rest with a violation of {found.violation:.1e} and an optimality error of "
+            f"The iteration stopped with a violation of {found.violation:.1e} and an optimality error of "
             f"{found.optimality:.1e}."
         )
         if self.printed:
             message += (
-                " As printed, the method rests at a solution only where the objective is a plain sum of squares; "
-                "witkin-kass without `:printed` goes on."
+                " As printed, the method stops at a solution only if the objective is a plain sum of squares; "
+                "witkin-kass without `:printed` continues."
             )
         return point_result(nlp, judged, Status.FAILED, self.monitor, message)
 

@@ -19,12 +19,14 @@ from functools import partial
 
 import numpy as np
 
-from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, DUAL_SHIFT
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, REFINEMENTS
+from stc.solver.filter_line_search import HALF
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
-from stc.solver.products import at_bounds, between
+from stc.solver.outcome import ACCEPTABLE
+from stc.solver.products import NOTHING, ROUNDED, at_bounds, between
 from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.projection_kernels import ACCURATE, CONTRACTION
 from stc.solver.scaled_problem import ScaledProblem
@@ -40,18 +42,9 @@ __all__ = [
 ]
 
 NEAR = 1e-2
-RETREAT = 0.1
-"""How much smaller the error is to be after a first attempt in vain; after the second the square of it, and so on."""
-FINISHING_STEPS = 8
-SLIGHT_CONTRACTION = 0.5
-"""What is enough to go on from a neighbour."""
-FAST = 1e-2
-"""Contraction that makes one more step worth its while: it gains two digits or more."""
-FARTHEST = 30.0
-"""A step that makes the error this many times larger has lost its way, whatever patience is left."""
-NEARLY_AT = 1e-6
-"""Distance to a bound, relative to ``max(1, |bound|)``, at which it may hold a point that came without multipliers."""
-CHANGES, REFINEMENTS, ROUNDED = 10, 40, 1e-14
+STEPS = 8
+PATIENCE = 2
+"""From a neighbour: how many steps may fail to halve the error."""
 
 
 def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
@@ -71,7 +64,6 @@ def newton_on_active_set(
     y: Floats,
     monitor: Monitor,
     *,
-    steps: int,
     tolerance: float,
     patience: int = 0,
     regularity: int = 0,
@@ -79,7 +71,6 @@ def newton_on_active_set(
     """Iterate from ``(x, y)``.
 
     Args:
-        steps: at most this many.
         tolerance: error to reach.
         patience: how many steps may fail to contract before giving up; with any, contracting a little is enough.
         regularity: to begin with (see ``ProjectionPair``).
@@ -92,19 +83,20 @@ def newton_on_active_set(
     pair.regularity = regularity
     if not pair.start(between(x, *form.true_x), y):
         return None, False
-    enough = SLIGHT_CONTRACTION if patience > 0 else CONTRACTION
+    enough = HALF if patience > 0 else CONTRACTION
     certified = False
     contraction = 0.0
-    for _ in range(steps):
+    for _ in range(STEPS):
         error = pair.point.error
-        if certified and error <= (tolerance if contraction > FAST else ACCURATE * tolerance):
+        # Two digits or more make one more step worth its while.
+        if certified and error <= (tolerance if contraction > CONTRACTION**2 else ACCURATE * tolerance):
             return pair.point, True
         if not pair.step(tolerance):
             return None, False
         new = pair.next
         if new.error > max(enough * error, ACCURATE * tolerance):
             patience -= 1
-            if patience < 0 or new.error > FARTHEST * error:
+            if patience < 0:
                 return None, False
         contraction = new.error / max(error, 1e-300)
         certified = True
@@ -149,7 +141,7 @@ def _pair_of(form: ScaledProblem) -> ProjectionPair:
 class Finish:
     """Tries :func:`newton_on_active_set` once an iterate is near enough and tells what is active.
 
-    Where that fails, it is tried ever more rarely.
+    Where that fails, it is tried ever more rarely: at a tenth of the error, then at a hundredth of that, and so on.
 
     Attributes:
         threshold: the error at which it is tried next.
@@ -169,13 +161,13 @@ class Finish:
         form = self._form
         assert isinstance(form, ScaledProblem)
         point, solved = newton_on_active_set(
-            form, it.w[: form.n], it.y, self._monitor, steps=FINISHING_STEPS, tolerance=self._tolerance,
+            form, it.w[: form.n], it.y, self._monitor, tolerance=self._tolerance,
             regularity=self._regularity,
         )  # fmt: skip
         # Rows that depend on one another do so at the next attempt, too.
         self._regularity = _pair_of(form).regularity
         self._failures += not solved
-        self.threshold = RETREAT**self._failures * min(self.threshold, error)
+        self.threshold = CONTRACTION**self._failures * min(self.threshold, error)
         return point if solved else None
 
 
@@ -184,7 +176,7 @@ def _balancing(form: ScaledProblem, jac: Floats, free: Mask, active: Mask) -> Ca
     (n,); of least norm, nearly. Good until the system is factorised again.
     """
     entries = jac * (active[form.jac_rows] & free[form.jac_cols])
-    shift = np.where(active, DUAL_SHIFT, 1.0)
+    shift = np.where(active, NOTHING, 1.0)
     form.kkt.factorize(np.zeros(form.hess_rows.size), entries, np.ones(form.n), shift)
     return lambda pull: np.where(active, form.kkt.solve(pull, np.zeros(form.m))[1], 0.0)
 
@@ -200,8 +192,8 @@ def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:
     if point is None:
         return y
     gradient, jac = point.gradient.copy(), point.jac.copy()
-    below_x, above_x = at_bounds(x, *form.true_x, NEARLY_AT)
-    below, above = at_bounds(point.r, *form.true_rows, NEARLY_AT)
+    below_x, above_x = at_bounds(x, *form.true_x, ACCEPTABLE)
+    below, above = at_bounds(point.r, *form.true_rows, ACCEPTABLE)
     for _ in range(CHANGES):
         free, active = ~(below_x | above_x), below | above
         balance = _balancing(form, jac, free, active)

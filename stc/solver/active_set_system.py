@@ -12,25 +12,21 @@ from __future__ import annotations
 from stc.solver.conditions import restricted_diagonals
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
+from stc.solver.products import NOTHING
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
     "AGAINST_DEPENDENT_ROWS",
-    "DUAL_SHIFT",
-    "FIRM",
-    "FIRMER",
-    "LOOSE",
-    "SOFT",
+    "CHANGES",
+    "REFINEMENTS",
     "RestrictedDiagonals",
     "factorize_restricted",
 ]
 
-DUAL_SHIFT = 1e-9
-PRIMAL_SHIFT = 1e-8
-"""Relative to the largest entry of the Hessian, or to 1."""
-FIRM, FIRMER, LOOSE, SOFT = 1e6, 1e3, 1e10, 1e-8
-"""The diagonals of variables that are held, or so many times the largest entry of the Hessian; of rows that are left
-out, which are to add little to the Hessian, however small its curvature is; and of active inequalities."""
+CHANGES = 12
+"""How many active sets are tried, one after the other."""
+REFINEMENTS = 10
+"""Solutions are refined so many times at most."""
 AGAINST_DEPENDENT_ROWS = 1
 """The regularity with the one shift alone."""
 
@@ -47,8 +43,8 @@ class RestrictedDiagonals:
     def __init__(self, form: ScaledProblem, active_x: Floats, active_rows: Floats) -> None:
         self.kkt = kkt = form.attached_kkt
         self._call = call = restricted_diagonals.bind(
-            active_x.size, active_rows.size, 0.0, 0.0, FIRM, LOOSE, SOFT, form.held_factor, form.equality_factor,
-            active_x, active_rows, kkt.primal, kkt.dual,
+            active_x.size, active_rows.size, 0.0, 0.0, 0.0, 1.0 / NOTHING, NOTHING, form.held_factor,
+            form.equality_factor, active_x, active_rows, kkt.primal, kkt.dual,
         )  # fmt: skip
         self._places = tuple(call.position(name) for name in ("shift_x", "shift_y", "firm"))
 
@@ -73,12 +69,12 @@ def factorize_restricted(
     Returns:
         The regularity reached, and whether the curvature on the active set is positive with it.
     """
-    flat = PRIMAL_SHIFT * max(1.0, largest)
-    shifts = ((0.0, 0.0), (0.0, DUAL_SHIFT), (flat, DUAL_SHIFT))
+    size = max(1.0, largest)
+    shifts = ((0.0, 0.0), (0.0, NOTHING), (NOTHING * size, NOTHING))
     kkt = diagonals.kkt
     m = kkt.dual.size
     while True:
-        diagonals.write(*shifts[regularity], max(FIRM, FIRMER * largest))
+        diagonals.write(*shifts[regularity], size / NOTHING)
         try:
             inertia = kkt.refactor()
         except NotFinite:

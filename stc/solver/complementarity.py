@@ -17,27 +17,23 @@ import numpy as np
 
 from stc.arrays import scattered
 from stc.records import dataclass, field
+from stc.solver.active_set import NEAR
 from stc.solver.convexity import is_convex
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
+from stc.solver.outcome import ACCEPTABLE, BUDGET
 from stc.solver.pairs import Pairs
 from stc.solver.penalised import Penalised
 from stc.solver.products import between
 from stc.solver.report import Callback, IterationRecord, Result, Start
 from stc.solver.residuals import assess
+from stc.solver.scaled_problem import NEARBY
 from stc.solver.status import UNPAIRED, Status
 
 __all__ = ["by_penalty"]
 
 FIRST_WEIGHT, GROWTH = 100.0, 10.0
 """The penalty's gradient, as a multiple of the objective's near the start, and how the weight grows."""
-NEARBY = 0.1
-ROUNDS, LARGEST_GROWTH = (1.0, 100.0), 1e6
-"""First weights of the rounds from the start, and how much larger the last one of a round is, in multiples."""
-STEPS = 300
-"""Of a pass."""
-COMPLEMENTARY, NEARLY = 1e-6, 0.01
-"""Smaller sides of pairs, relative to ``max(1, larger side)``, that count as nothing, and that may be held there."""
 
 Solve = Callable[[NLP, Options, Callback | None, Start], Result]
 
@@ -54,13 +50,13 @@ def by_penalty(
     weight = _first_weight(nlp, pairs, start)
     convex = is_convex(Penalised(nlp, pairs, 1.0))
     best: Result | None = None
-    for factor in ROUNDS:
+    for factor in (1.0, FIRST_WEIGHT):
         for result in _round(passes, factor * weight, start):
             best = result if best is None or passes.is_better(result, best) else best
             if passes.ends(result) or (result.status is Status.INFEASIBLE and convex):
                 return passes.of_all(result)  # infeasible whatever the products
         assert best is not None
-        if passes.missing(best) <= NEARLY:
+        if passes.missing(best) <= NEAR:
             held = passes.held(best)
             if passes.ends(held):
                 return passes.of_all(held)
@@ -73,11 +69,11 @@ def by_penalty(
 
 def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
     """The results of passes with growing weights, each from where the one before has led."""
-    last = LARGEST_GROWTH * weight
+    last = weight / ACCEPTABLE
     while weight <= last:
         result = passes.penalised(weight, start)
         yield result
-        if not result.success and passes.missing(result) <= COMPLEMENTARY:
+        if not result.success and passes.missing(result) <= ACCEPTABLE:
             return  # it is not for want of weight
         if result.success or result.status is Status.ITERATION_LIMIT:
             start = Start(result.x)
@@ -117,7 +113,7 @@ class _Passes:
         # What holds a side may push either way; where it pulls, the product's multiplier has to.
         other = pairs.spare(nlp, passed.x, nlp.values(passed.x)[1])[every, 1 - which]
         pull = sign * np.concatenate([passed.bound_multipliers, y])[place]
-        y[pairs.product] = np.maximum(0.0, pull) / np.maximum(other, COMPLEMENTARY)
+        y[pairs.product] = np.maximum(0.0, pull) / np.maximum(other, ACCEPTABLE)
         of_rows = place >= nlp.n
         rows = place[of_rows] - nlp.n
         np.subtract.at(y, rows, (sign * y[pairs.product] * other)[of_rows])
@@ -129,7 +125,7 @@ class _Passes:
             return True
         if self.iterations >= self.options.max_iterations:
             return True
-        return result.success and self.missing(result) <= COMPLEMENTARY
+        return result.success and self.missing(result) <= ACCEPTABLE
 
     def is_better(self, one: Result, other: Result) -> bool:
         """Whether a result is nearer to a solution."""
@@ -147,7 +143,7 @@ class _Passes:
 
     def _solved(self, program: Penalised, start: Start) -> Result:
         options, before = self.options, self.iterations
-        left = min(STEPS, options.max_iterations - before)
+        left = min(BUDGET, options.max_iterations - before)
         warm = options.warm_start and start.row_multipliers is not None
         limits = replace(options, max_iterations=left, retries=0, warm_start=warm)
         passed = self.solve(program, limits, _told(self.callback, before), start)

@@ -20,27 +20,25 @@ from enum import Enum
 
 import numpy as np
 
-from stc.solver.globalization import largest_step
+from stc.solver.barrier_update import SMALLEST_TAU
+from stc.solver.filter_line_search import MOST_CORRECTIONS
 from stc.solver.iterate import evaluate
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
-from stc.solver.products import inner, norm
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.outcome import SHORT_BUDGET
+from stc.solver.products import NOTHING, inner, norm
+from stc.solver.projection_kernels import CONTRACTION
+from stc.solver.scaled_problem import NEARBY, ScaledProblem
 from stc.solver.starting import active_iterate
 from stc.solver.workspace import workspace_of
 
-__all__ = ["SecondOrder", "leave_saddle", "second_order_at"]
+__all__ = ["ESCAPES", "SecondOrder", "largest_step", "leave_saddle", "second_order_at"]
 
-POWER_STEPS = 30
-SETTLED = 0.1
-NEGLIGIBLE = 1e-8
-"""Curvature that counts as none, of the size of the errors that a point within the tolerance leaves in it: relative to
-what it is made of, whatever the units of the variables; on the way, to the Hessian's largest entry or to 1."""
-FRACTION = 0.9
-FIRST_TRIAL = 0.1
-TRIALS, FEW_TRIALS = 16, 3
-RETURNS = 3
+ESCAPES = 5
+"""Stationary points that bend downwards, one after the other."""
 SIGNIFICANT = 1e-11
+TRIALS = 16
+"""Lengths of a step along negative curvature, each half the one before."""
 
 
 class SecondOrder(Enum):
@@ -63,7 +61,7 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
     form, work = system.form, system.work
     it = work.it
     mu = inner(it.gap, it.z) / max(1, form.gaps)
-    negligible = NEGLIGIBLE * max(1.0, float(np.abs(it.hess).max(initial=0.0)))
+    negligible = NOTHING * max(1.0, float(np.abs(it.hess).max(initial=0.0)))
     try:
         system.factorize(max(mu, 1e-9), exact=True)
         if system.shift == 0.0:
@@ -80,7 +78,7 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
         return SecondOrder.FLAT
     dw, curvature, uncertain = bent
     # What inertia says of a badly scaled matrix may be rounding, and its largest entry may hide what bends.
-    flat = curvature >= -NEGLIGIBLE * uncertain if probe else flat or curvature > -negligible
+    flat = curvature >= -NOTHING * uncertain if probe else flat or curvature > -negligible
     if flat and (not probe or (form.linear and form.quadratic_objective)):
         return SecondOrder.FLAT
     if inner(it.dual[: form.n], dw[: form.n]) > 0.0:
@@ -103,7 +101,7 @@ def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float, float] |
     v = np.random.default_rng(seed).standard_normal(form.n) * form.free
     zeros, rhs = np.zeros(form.m), np.zeros(form.size)
     curvature = np.inf
-    for _ in range(POWER_STEPS):
+    for _ in range(SHORT_BUDGET):
         rhs[: form.n] = v
         dw, _ = system.solve(rhs, zeros)
         length = norm(dw[: form.n])
@@ -112,7 +110,7 @@ def _most_bent(system: NewtonSystem, seed: int) -> tuple[Floats, float, float] |
         dw = dw / length
         v = dw[: form.n]
         before, curvature = curvature, inner(v, form.hessian_times(hess, v))
-        if abs(curvature - before) <= SETTLED * abs(curvature):
+        if abs(curvature - before) <= CONTRACTION * abs(curvature):
             break
     of_entries = inner(np.abs(v), form.hessian_times(np.abs(hess), np.abs(v)))
     return dw, curvature, of_entries + 2.0 * norm(form.hessian_times(hess, v))
@@ -127,17 +125,17 @@ def _lower(system: NewtonSystem, dw: Floats, *, few: bool, beyond_errors: bool) 
     """
     form, it = system.form, system.work.it
     n = form.n
-    scale = FIRST_TRIAL * max(1.0, float(np.abs(it.w[:n]).max(initial=0.0)))
+    scale = NEARBY * max(1.0, float(np.abs(it.w[:n]).max(initial=0.0)))
     price = 1.0 + 2.0 * float(np.abs(it.y).max(initial=0.0))
     merit = it.f + price * it.theta
     slope = abs(inner(it.dual - form.scatter(it.z), dw)) if beyond_errors else 0.0
     products = inner(it.gap, it.z) if beyond_errors else 0.0
     for direction in (dw, -dw):
-        alpha = scale * largest_step(it.gap, scale * (form.sign * direction[form.index]), FRACTION)
-        for _ in range(FEW_TRIALS if few else TRIALS):
+        alpha = scale * largest_step(it.gap, scale * (form.sign * direction[form.index]), SMALLEST_TAU)
+        for _ in range(MOST_CORRECTIONS if few else TRIALS):
             enough = SIGNIFICANT * (1.0 + abs(it.f)) + alpha * slope + products
             w = it.w + alpha * direction
-            for _ in range(RETURNS):
+            for _ in range(MOST_CORRECTIONS):
                 f, r = form.values(w[:n])
                 c = form.residual(r, w)
                 theta = float(np.abs(c).sum())
@@ -148,9 +146,17 @@ def _lower(system: NewtonSystem, dw: Floats, *, few: bool, beyond_errors: bool) 
                 if theta <= it.theta:
                     break
                 back, _ = system.solve(np.zeros(form.size), c)
-                w = w + largest_step(form.gap(w), form.sign * back[form.index], FRACTION) * back
+                w = w + largest_step(form.gap(w), form.sign * back[form.index], SMALLEST_TAU) * back
             alpha *= 0.5
     return None
+
+
+def largest_step(value: Floats, change: Floats, fraction: float) -> float:
+    """Largest alpha <= 1 with ``value + alpha * change >= (1 - fraction) * value``, for positive ``value``."""
+    if not value.size:
+        return 1.0
+    worst = float((change / value).min())
+    return 1.0 if worst >= -fraction else fraction / -worst
 
 
 def second_order_at(form: ScaledProblem, x: Floats, y: Floats, seed: int) -> SecondOrder:

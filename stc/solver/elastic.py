@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.codegen.calls import CallTable, chain
+from stc.core.calls import CallTable, chain
 from stc.solver import elastic_kernels
 from stc.solver.evaluator import Evaluator
 from stc.solver.formulation import Formulation
@@ -34,13 +34,10 @@ from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.state import VIOLATION
 
 if TYPE_CHECKING:
-    from stc.codegen.calls import Bound
+    from stc.core.calls import Bound
     from stc.solver.kkt.contract import AttachedKKT
 
 __all__ = ["ElasticKKT", "ElasticProblem"]
-
-HELD = 1e-7
-"""Slopes of the sum of violations, of which a row's scaled gradients are parts, down to this count."""
 
 
 class ElasticKKT(ByCopies):
@@ -203,14 +200,15 @@ class ElasticProblem(Formulation):
         n, m = self.base.n, self.m
         return x[:n], x[n : n + m], x[n + m :]
 
-    def is_held(self, x: Floats) -> bool:
+    def is_held(self, x: Floats, tolerance: float) -> bool:
         """Whether being away from the reference has a cost whose slope counts beside those of violated rows.
 
         Args:
             x: the problem's variables, (n,).
+            tolerance: slopes of the sum of violations, of which a row's scaled gradients are parts, down to this count.
         """
         slope = self._curvature * (x - self._reference)
-        return float(np.abs(slope).max(initial=0.0)) > HELD * self.price
+        return float(np.abs(slope).max(initial=0.0)) > tolerance * self.price
 
     def values(self, x: Floats) -> tuple[float, Floats]:
         own, p, q = self.split(x)

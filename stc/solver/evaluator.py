@@ -2,7 +2,7 @@
 
 :meth:`NLP.values` and :meth:`NLP.derivatives` take and return arrays, which costs more than small problems take to
 evaluate.  An :class:`Evaluator` reads its point from one set of arrays and leaves the scaled numbers in another;
-its two calls have no arguments, and :func:`stc.codegen.calls.chain` joins them with whatever comes before and after.
+its two calls have no arguments, and :func:`stc.core.calls.chain` joins them with whatever comes before and after.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.records import dataclass, field
 from stc.solver.nlp import NLP, Floats, Ints, Mask
 

@@ -5,23 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.elastic import ElasticProblem
+from stc.solver.filter_line_search import SMALL_VIOLATION
 from stc.solver.interior import optimise
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
-from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
+from stc.solver.outcome import BUDGET, End, Outcome, Tactics
 from stc.solver.restoration import elastic_of, meet_rows, returned
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import cold_iterate
 
 __all__ = ["feasible_first", "least_violation"]
-
-LEAST = 0.1
-"""First barrier parameter of an elastic problem where the start violates rows by less."""
-STEPS = 300
-FEASIBLE = 100.0 * ACCEPTABLE
-"""The violation, scaled, from which a search with the objective meets the rows."""
 
 
 def feasible_first(
@@ -54,11 +49,13 @@ def least_violation(
     it = cold_iterate(form, x / form.x_scale, by_gaps=False)
     elastic = elastic_of(form)
     elastic.stay_near(it.w[: form.n], 0.0)
-    mu = max(LEAST, float(np.abs(it.c).max(initial=0.0)))
+    mu = max(options.initial_barrier, float(np.abs(it.c).max(initial=0.0)))
     start = elastic.start(it.w, np.zeros(form.m), it.z, mu)
-    outcome = optimise(elastic, start, mu, options, monitor, tactics=Tactics(budget=STEPS))
+    outcome = optimise(elastic, start, mu, options, monitor, tactics=Tactics(budget=BUDGET))
     end = returned(form, it, elastic, outcome, options.feasibility_tolerance)
     own = it.w[: form.n].copy()
-    if end is None and form.violation(own, it.r) > FEASIBLE:
+    if (
+        end is None and form.violation(own, it.r) > SMALL_VIOLATION
+    ):  # which a search with the objective does not meet
         end = End.STUCK
     return end, Outcome(end or End.CONVERGED, form, own, it.y.copy(), outcome.error, it)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.codegen.native import f64, f64s, i64, native
+from stc.core.functions import function
 
 __all__ = ["Filter", "accepts", "add"]
 
@@ -18,35 +18,10 @@ COUNT, LARGEST, FIRST = 0, 1, 2
 #: Pairs that there is room for; the oldest gives way to one more.
 ROOM = 1000
 
-
-@native
-def accepts(filter: f64s, theta: f64, phi: f64) -> i64:
-    """1 when no pair dominates the point."""
-    if not (theta <= filter[LARGEST]):
-        return 0
-    pairs = filter[FIRST:]
-    for k in range(int(filter[COUNT])):
-        if not (theta <= pairs[2 * k] or phi <= pairs[2 * k + 1]):
-            return 0
-    return 1
-
-
-@native
-def add(filter: f64s, theta: f64, phi: f64) -> None:
-    """Forbid points no better than (theta, phi) by a margin."""
-    pairs = filter[FIRST:]
-    phi = phi - GAMMA_PHI * theta
-    theta = (1.0 - GAMMA_THETA) * theta
-    count = int(filter[COUNT])
-    kept = 0
-    for k in range(1 if count == ROOM else 0, count):
-        if pairs[2 * k] < theta or pairs[2 * k + 1] < phi:
-            pairs[2 * kept] = pairs[2 * k]
-            pairs[2 * kept + 1] = pairs[2 * k + 1]
-            kept += 1
-    pairs[2 * kept] = theta
-    pairs[2 * kept + 1] = phi
-    filter[COUNT] = float(kept + 1)
+#: 1 when no pair dominates the point.
+accepts = function("line_search_accepts")
+#: Forbid points no better than (theta, phi) by a margin.
+add = function("line_search_add")
 
 
 class Filter:

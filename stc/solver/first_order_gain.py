@@ -5,13 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.nlp import NLP, Floats
-from stc.solver.products import term_sums
-from stc.solver.residuals import EPSILON
+from stc.solver.products import ROUNDED, term_sums
 
 __all__ = ["possible_gain", "slopes_left"]
-
-ROUNDED = 4.0
-"""Units in the last place of its terms by which a slope may be off."""
 
 
 def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
@@ -40,4 +36,4 @@ def slopes_left(nlp: NLP, x: Floats, y: Floats, z: Floats) -> Floats:
     terms += term_sums(nlp.hess_rows, nlp.hess_cols, hess, x, nlp.n)
     across = np.where(nlp.hess_rows != nlp.hess_cols, hess, 0.0)
     terms += term_sums(nlp.hess_cols, nlp.hess_rows, across, x, nlp.n)
-    return np.maximum(slopes - ROUNDED * EPSILON * terms, 0.0)
+    return np.maximum(slopes - ROUNDED / 4.0 * terms, 0.0)

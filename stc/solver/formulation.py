@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.solver.evaluator import Evaluator, status_of
 from stc.solver.kernels import EQUALITY, IGNORED, INEQUALITY, overstepped
 from stc.solver.kkt.arrangement import sort_by_key
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["Formulation", "summed"]
 
 #: From so many gaps on, as motions have them, each of them matters little.
-MANY_GAPS = 64
+MANY_GAPS = 100
 
 
 def _form_evaluator(form: Formulation) -> Evaluator:

@@ -13,12 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.solver.active_set import Finish, bends_upwards
-from stc.solver.barrier_parameter import BarrierParameter
-from stc.solver.barrier_update import DOUBTFUL_SOLUTION
-from stc.solver.curvature import SecondOrder, leave_saddle
-from stc.solver.filter_line_search import NOT_FINITE
-from stc.solver.formulation import Formulation
-from stc.solver.globalization import LineSearch, barrier_value
+from stc.solver.barrier_update import DOUBTFUL_SOLUTION, SMALLEST_TAU
+from stc.solver.curvature import ESCAPES, SecondOrder, leave_saddle
+from stc.solver.filter_line_search import (
+    CALL_MISSING,
+    CORRECTION_PROGRESS,
+    MOST_CORRECTIONS,
+    NOT_FINITE,
+    SMALL_VIOLATION,
+    TAKEN,
+)
+from stc.solver.formulation import MANY_GAPS, Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.iteration_calls import BLOCKED, FACTORIZATION, LOOK, SEARCH, stages_of
 from stc.solver.kkt.frontal import DOUBTFUL
@@ -26,36 +31,45 @@ from stc.solver.monitor import Monitor
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
-from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
+from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome, Tactics
 from stc.solver.progress import Drift, Nearest, Stall
-from stc.solver.progress_kernels import LARGEST_ERROR
+from stc.solver.progress_kernels import LARGEST_ERROR, SHORT
+from stc.solver.projection_kernels import ACCURATE
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.state import (
+    ADAPTIVE,
     ATTEMPT,
     ATTENTION,
     BEST_KNOWN,
     BEST_NEW,
     BEST_OBJECTIVE,
     BEST_VIOLATION,
+    CHANGED,
     DOUBT,
     ENDED_BY,
     ERROR,
     FARTHEST,
     FEASIBILITY,
+    FREE,
+    LARGEST_MU,
     LENGTH,
     LENGTH_TAKEN,
     LENGTHENS,
     MADE,
     MOST,
+    MU,
     PRIMAL,
     PRODUCTS,
     ROW,
     SHORTEST,
+    SMALL_THETA,
+    SMALLEST_MU,
     STEP_TAKEN,
     STUCK,
     TAU,
+    TINY,
 )
-from stc.solver.unboundedness import LOW, is_unbounded
+from stc.solver.unboundedness import LOW, TOO_FAR, is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
 
 if TYPE_CHECKING:
@@ -63,21 +77,8 @@ if TYPE_CHECKING:
 
 __all__ = ["optimise"]
 
-ESCAPES = 5
-TOO_FAR = 1e20
-GAP = 1e-7
-"""Largest sum of gap times multiplier, relative to the objective, which it bounds the error of."""
 SMALL = 20_000
 """Unknowns up to which several iterations are made in a row."""
-MANY_GAPS = 100.0
-FEASIBLE = 0.01
-TOO_LITTLE = 0.99
-SHORTEST_FRACTION, SHORTEST_IN_RESTORATION = 2e-3, 0.02
-"""Share of what the bounds allow, below which a step is computed anew; where rows may be violated freely nothing but
-their curvature makes it as short."""
-SHORTER = (10.0, 10.0, 1e3, 1e8)
-SAME_SIZE = 0.8
-"""A stiffer Hessian that leaves the step longer than this fraction of it is of no use."""
 
 Condition = Callable[[Formulation, Iterate], bool]
 
@@ -139,7 +140,6 @@ class _Loop:
         restores = not isinstance(form, ScaledProblem)
         self.phase = "restoration" if restores else "barrier"
         self.s[LENGTHENS] = 0.0 if restores else 1.0
-        self.shortest = SHORTEST_IN_RESTORATION if restores else SHORTEST_FRACTION
         self.s[LENGTH_TAKEN] = self.s[STEP_TAKEN] = 0.0
         self.s[DOUBT] = DOUBTFUL
         self._begin(mu)
@@ -148,11 +148,16 @@ class _Loop:
         """Forget how the current iterate was reached."""
         form, work, s = self.form, self.work, self.s
         smallest = self.options.tolerance / 11.0 / max(1.0, form.gaps / MANY_GAPS)
-        self.barrier = BarrierParameter(work, mu, smallest, self.adaptive)
-        self.search = LineSearch(work, self.tactics.largest_theta)
+        s[MU], s[SMALLEST_MU], s[LARGEST_MU] = mu if form.gaps else 0.0, smallest, np.inf
+        s[ADAPTIVE], s[FREE] = self.adaptive, self.adaptive and form.gaps > 0
+        s[TAU], s[CHANGED] = SMALLEST_TAU, 0.0
+        work.accepted.restart(np.inf)
+        scale = max(1.0, work.it.theta)
+        s[SMALL_THETA], s[TINY] = SMALL_VIOLATION * scale, 0.0
+        work.filter.restart(self.tactics.largest_theta * scale)
         self.nearest = Nearest(work)
         self.stall = Stall(work)
-        s[STUCK], s[SHORTEST] = 0.0, self.shortest
+        s[STUCK], s[SHORTEST] = 0.0, SHORT
         s[FEASIBILITY] = self.options.feasibility_tolerance
         s[ATTENTION] = self._attention()
 
@@ -271,7 +276,7 @@ class _Loop:
         return self.s[PRODUCTS] > self._negligible()
 
     def _negligible(self) -> float:
-        return GAP * max(1.0, abs(self.it.f))
+        return ACCURATE * ACCEPTABLE * max(1.0, abs(self.it.f))
 
     def _stalled(self) -> bool:
         return self.stall.stalled or self.nearest.waited or self._is_over()
@@ -298,7 +303,7 @@ class _Loop:
         if found is SecondOrder.LEFT:
             self.escapes += 1
             self.monitor.count()
-            self._begin(self.barrier.mu)
+            self._begin(self.s[MU])
         return found
 
     def _complete(self, ended: int) -> bool:
@@ -343,31 +348,33 @@ class _Loop:
         is computed anew with a stiffer Hessian, which also turns it. Where that does not make it shorter, it is the
         rows that ask for the step, and the first one is searched to the end.
         """
-        work, system, search, s = self.work, self.system, self.search, self.s
+        work, system, s = self.work, self.system, self.s
         before: tuple[Step, float] | None = None
-        for shorter in (*SHORTER, 0.0):
-            final = not shorter
+        for trial in range(MOST_CORRECTIONS + 1):
+            final = trial == MOST_CORRECTIONS
             if ended is None:
                 self._find_step()
-                if before is not None and s[LENGTH] > SAME_SIZE * before[1]:
+                if before is not None and s[LENGTH] > PROGRESS * before[1]:
                     system.soften()
                     work.step.become(before[0])
                     work.limit_step(s[TAU])
                     final = True
-                s[SHORTEST] = 0.0 if final else self.shortest
+                s[SHORTEST] = 0.0 if final else SHORT
                 ended = self.stages.search()
-            taken = search.go_on(ended)
+            while ended == CALL_MISSING:
+                work.provide_solves()
+                ended = self.stages.backtrack()
             work.calls.check()
-            if taken or final or ended == NOT_FINITE:
+            if final or ended in (TAKEN, NOT_FINITE):
                 break
             ended = None
             before = work.spare, s[LENGTH]
             work.spare.become(work.step)
             try:
-                system.stiffen(work.step.dw, shorter)
+                system.stiffen(work.step.dw)
             except SingularSystem:
                 break
-        s[SHORTEST] = self.shortest
+        s[SHORTEST] = SHORT
         work.note_moved()
 
     def _restore(self) -> Outcome | None:
@@ -375,29 +382,31 @@ class _Loop:
 
         Returns None when the iteration can go on from where that led, else how it ends.
         """
-        form, it, search, barrier = self.form, self.it, self.search, self.barrier
+        form, it, mu, filter = self.form, self.it, self.s[MU], self.work.filter
         if not isinstance(form, ScaledProblem) or self.nearest.error <= ACCEPTABLE:
             return self._give_up()
-        if it.theta <= FEASIBLE * self.options.tolerance:
+        if it.theta <= ACCURATE * self.options.tolerance:
             return self._give_up()
         if not self.tactics.patient and self.restorations >= self.tactics.brief_restorations:
             self.early = True
             return self._give_up()
-        from stc.solver.restoration import Acceptance, meet_rows
+        from stc.solver.restoration import Acceptance, barrier_value, meet_rows
 
         theta = it.theta
-        search.filter.add(theta, barrier_value(it.f, it.gap, barrier.mu))
+        filter.add(theta, barrier_value(it.f, it.gap, mu))
         self.restorations += 1
         brief = self.restorations <= self.tactics.brief_restorations
 
-        def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
-            stop = Acceptance(elastic, search.filter, theta, barrier.mu) if brief else None
-            return optimise(elastic, start, mu, self.options, self.monitor, tactics=self.tactics, stop=stop)
+        def solve(elastic: ElasticProblem, start: Iterate, its_mu: float) -> Outcome:
+            stop = Acceptance(elastic, filter, theta, mu) if brief else None
+            return optimise(
+                elastic, start, its_mu, self.options, self.monitor, tactics=self.tactics, stop=stop
+            )
 
-        end, _ = meet_rows(form, it, barrier.mu, self.options.feasibility_tolerance, solve)
+        end, _ = meet_rows(form, it, mu, self.options.feasibility_tolerance, solve)
         self.work.load(it)
         self.work.provide_attempt()
-        if end is End.STUCK or (end is None and it.theta > TOO_LITTLE * theta):
+        if end is End.STUCK or (end is None and it.theta > CORRECTION_PROGRESS * theta):
             return self._give_up()
         self.stall = Stall(self.work)
         return None if end is None else self._outcome(end)

@@ -1,8 +1,8 @@
 """The stages of an iteration as prepared calls, and the iteration as a chain of them.
 
 Each stage is a compiled function that makes the calls of the workspace's table and leaves its numbers (see
-:mod:`stc.solver.state`).  It returns 0, or tells what it cannot do itself: :mod:`stc.solver.newton_system`,
-:mod:`stc.solver.globalization` and :mod:`stc.solver.interior` do that, and go on from there.  So iterations
+:mod:`stc.solver.state`).  It returns 0, or tells what it cannot do itself: :mod:`stc.solver.newton_system` and
+:mod:`stc.solver.interior` do that, and go on from there.  So iterations
 where all is as usual are one call together, however small the problem.
 """
 
@@ -10,23 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.codegen.calls import Bound, chain, chain_until, invoke
-from stc.codegen.native import f64s, i64, i64s, native
+from stc.core.calls import Bound, chain, chain_until
+from stc.core.functions import function
 from stc.solver import barrier_update, filter_line_search, inertia_correction, state
-from stc.solver.progress_kernels import block, note_iterate, note_objective, note_step, record
+from stc.solver.progress_kernels import note_iterate, note_objective, record
 from stc.solver.state import (
-    CHANGED,
     ITERATION,
-    LENGTH_TAKEN,
-    MADE,
     MEASURED,
-    MOST,
-    RAISED,
-    STEP,
-    STEP_TAKEN,
-    STUCK,
-    THETA,
-    TINY,
 )
 from stc.solver.workspace import Workspace
 
@@ -36,42 +26,10 @@ __all__ = ["BLOCKED", "FACTORIZATION", "LOOK", "SEARCH", "Stages", "stages_of"]
 LOOK = 1
 FACTORIZATION, STEP_FOUND, SEARCH, BLOCKED = 3, 4, 5, 6
 
-
-@native
-def settle(s: f64s) -> i64:
-    """Note the step taken; 1 where steps are too short to go on."""
-    length = s[LENGTH_TAKEN]
-    inertia_correction.relax(length, s)
-    s[STUCK] = 1.0 if s[TINY] != 0.0 or length == 0.0 else 0.0
-    s[STEP_TAKEN] = 0.0
-    if length == 0.0:
-        return 0
-    s[STEP_TAKEN] = s[STEP]
-    note_step(s[STEP], 1 if s[TINY] != 0.0 and s[CHANGED] == 0.0 else 0, s)
-    return block(length, s[THETA], s)
-
-
-@native(shared=True)
-def repeat(
-    calls: i64s, n: i64, m: i64, w: f64s, y: f64s, best_x: f64s, best_y: f64s, rows: f64s, s: f64s
-) -> i64:
-    """Measure, record and iterate, ``s[MOST]`` times at most, the first of them without the iteration where that is 0.
-
-    Returns:
-        0, or LOOK where more is to be thought of before the next iteration, or where that needs help:
-        FACTORIZATION and so on. Where something was raised all of that may be.
-    """
-    s[MADE] = 0.0
-    while True:
-        look = invoke(calls, MEASURED)
-        if calls[RAISED] != 0:
-            return LOOK
-        record(n, m, w, y, best_x, best_y, rows, s)
-        if look != 0 or s[MADE] > s[MOST]:
-            return LOOK
-        ended = invoke(calls, ITERATION)
-        if ended != 0 or calls[RAISED] != 0 or s[MADE] == s[MOST]:
-            return ended
+#: Note the step taken; 1 where steps are too short to go on.
+settle = function("progress_settle")
+#: Measure, record and iterate, ``s[MOST]`` times at most, the first of them without the iteration where that is 0.
+repeat = function("progress_repeat")
 
 
 def stages_of(work: Workspace) -> Stages:

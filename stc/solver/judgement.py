@@ -7,20 +7,15 @@ import numpy as np
 from stc.records import dataclass
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.outcome import End, Outcome
-from stc.solver.products import between
+from stc.solver.outcome import ACCEPTABLE, End, Outcome
+from stc.solver.products import ROUGHLY, between
+from stc.solver.projection_kernels import ACCURATE, EXACT
 from stc.solver.residuals import Assessment, assess, holds, is_met_but_for_rounding
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.scaled_problem import ORDINARY, ScaledProblem
 
 __all__ = ["Judgement", "Point"]
 
-LARGEST_MULTIPLIER = 1e12
-LARGEST_GAIN = 1e-6
-SAFELY, LEAST_SHARE = 0.1, 1e-4
 """Of an error that leaves too much to gain: it falls less evenly than that, and not below rounding errors."""
-ROUNDING = 1e-12
-LARGE = 1e3
-"""A scaled variable that is larger has become so since."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +61,11 @@ class Judgement:
         if (point == as_found).all():
             return Point(point, y)
         moved, unmoved = (assess(self.nlp, x, y).violation for x in (point, as_found))
-        return Point(point if moved <= max(unmoved, ROUNDING) else as_found, y)
+        return Point(point if moved <= max(unmoved, ROUGHLY) else as_found, y)
 
-    def confirms(self, point: Point, y: Floats) -> bool:
-        """Whether the problem as stated confirms a point, with multipliers ``y`` that can be believed."""
-        if not np.abs(y).max(initial=0.0) <= LARGEST_MULTIPLIER:
-            return False
-        judged = self.assess(point)
-        return holds(self.nlp, point.x, judged, self.options)
+    def confirms(self, point: Point) -> bool:
+        """Whether the problem as stated confirms a point."""
+        return holds(self.nlp, point.x, self.assess(point), self.options)
 
     def stalled_short(self, outcome: Outcome, point: Point, again: bool = False) -> bool:
         """Whether the iteration stalled where the objective may still gain, or ended where a lighter one does not tell.
@@ -89,24 +81,24 @@ class Judgement:
         doubtful = again or outcome.end is End.STUCK or form.objective_factor < 1.0
         if not doubtful:
             size = np.abs(outcome.x)
-            far = float(size.sum(where=form.quadratic_program or size > LARGE))
-            doubtful = outcome.error * max(1.0, far) > LARGEST_GAIN * form.objective_scale * max(
+            far = float(size.sum(where=form.quadratic_program or size > ORDINARY[1]))
+            doubtful = outcome.error * max(1.0, far) > ACCEPTABLE * form.objective_scale * max(
                 1.0, abs(self.assess(point).objective)
             )
         return doubtful and self.may_gain(point)
 
     def may_gain(self, point: Point) -> bool:
         """Whether the objective may gain there what counts, of all products together."""
-        return self.gain(point) > LARGEST_GAIN
+        return self.gain(point) > ACCEPTABLE
 
     def share_of_error(self, point: Point) -> float:
         """What may be left of an error for the conditions as stated to hold, and the gain not to count."""
         most = self.options.unscaled_tolerance
         left = (
             most / max(most, self.assess(point).optimality),
-            LARGEST_GAIN / max(LARGEST_GAIN, self.gain(point)),
+            ACCEPTABLE / max(ACCEPTABLE, self.gain(point)),
         )
-        return max(SAFELY * min(left), LEAST_SHARE) if min(left) < 1.0 else 1.0
+        return max(ACCURATE * min(left), EXACT) if min(left) < 1.0 else 1.0
 
     def gain(self, point: Point) -> float:
         """What it may, relative to the objective, or to 1 where that is less."""

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
+from stc.solver.outcome import SHORT_BUDGET
 from stc.solver.products import between
+from stc.solver.report import Result
 from stc.solver.status import Status
 
-__all__ = ["LeastNormProblem", "least_norm_point"]
+__all__ = ["LeastNormProblem", "Solve", "least_norm_point"]
 
-ITERATIONS = 50
+Solve = Callable[[NLP, Options], Result]
 
 
 class LeastNormProblem:
@@ -51,21 +54,20 @@ def _equal(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
     return np.where(equal, lower, -np.inf), np.where(equal, upper, np.inf)
 
 
-def least_norm_point(nlp: NLP, unit: Floats, limits: Options) -> tuple[Floats, int]:
+def least_norm_point(nlp: NLP, unit: Floats, limits: Options, solve: Solve) -> tuple[Floats, int]:
     """As near to it as the solver comes, between the bounds, (n,), and the iterations it took.
 
     Args:
         nlp: a program with linear rows.
         unit: what each variable is measured in, (n,).
         limits: has those on iterations and time.
+        solve: solves a program.
 
     Raises:
         KeyboardInterrupt: the solve was interrupted.
     """
-    from stc.solver.sqp import minimize
-
-    most = min(ITERATIONS, limits.max_iterations)
-    result = minimize(
+    most = min(SHORT_BUDGET, limits.max_iterations)
+    result = solve(
         LeastNormProblem(nlp, unit), replace(limits, max_iterations=most, retries=0, warm_start=False)
     )
     if result.status is Status.INTERRUPTED:

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from stc.solver.kernels import LARGEST_MULTIPLIER
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
-from stc.solver.step_kernels import SOFT
+from stc.solver.products import NOTHING
 from stc.solver.workspace import Workspace
 
 __all__ = ["least_squares_multipliers", "shift_of_equations"]
 
-LARGEST = 1e3
-
 
 def least_squares_multipliers(work: Workspace) -> Floats:
     """Multipliers (m,) that make the Lagrangian's gradient smallest at the iterate; zero when one would exceed
-    :data:`LARGEST`, or where a derivative is infinite.
+    :data:`LARGEST_MULTIPLIER`, or where a derivative is infinite.
 
     Solves the usual system with the identity for a Hessian (Waechter and Biegler 2006, equation 36).
     """
@@ -31,9 +30,9 @@ def least_squares_multipliers(work: Workspace) -> Floats:
     kkt.solve_call()
     kkt.check_solution()
     y = kkt.solution[work.form.n :].copy()
-    return y if np.abs(y).max() <= LARGEST else np.zeros(m)  # which nan is not
+    return y if np.abs(y).max() <= LARGEST_MULTIPLIER else np.zeros(m)  # which nan is not
 
 
 def shift_of_equations(jac: Floats) -> float:
     """What to soften equality rows by where the Hessian is the identity, given the Jacobian's entries."""
-    return SOFT * min(1.0, float(np.abs(jac).max(initial=0.0))) ** 2
+    return NOTHING * min(1.0, float(np.abs(jac).max(initial=0.0))) ** 2

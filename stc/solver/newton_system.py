@@ -58,6 +58,8 @@ from stc.solver.workspace import Step, Workspace
 
 __all__ = ["NewtonSystem", "SingularSystem"]
 
+SHORTER = 10.0
+
 
 class SingularSystem(ArithmeticError):
     """No regularisation gave the matrix the inertia that a descent direction needs."""
@@ -142,8 +144,8 @@ class NewtonSystem:
         inertia = self._refactor()
         return inertia.zero == 0 and inertia.negative == self.form.m
 
-    def stiffen(self, dw: Floats, shorter: float) -> None:
-        """Factorise with a shift that makes a step like ``dw`` (n + m,) ``shorter`` times shorter.
+    def stiffen(self, dw: Floats) -> None:
+        """Factorise with a shift that makes a step like ``dw`` (n + m,) shorter, :data:`SHORTER` times.
 
         Raises:
             SingularSystem: the matrix cannot be factorised.
@@ -154,7 +156,7 @@ class NewtonSystem:
         curved = form.hessian_times(work.it.hess, dx) + work.sigma[: form.n] * dx
         curvature = inner(dx, curved) / max(inner(dx, dx), 1e-300) + s[SHIFT]
         self._before = s[STIFFNESS], s[SHIFT]
-        s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], shorter * abs(curvature), SMALLEST_SHIFT)
+        s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], SHORTER * abs(curvature), SMALLEST_SHIFT)
         while not self._is_right():
             s[SHIFT] = larger_shift(work.numbers)
             if s[SHIFT] > LARGEST_SHIFT:

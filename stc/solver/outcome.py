@@ -9,8 +9,14 @@ from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
 
-__all__ = ["ACCEPTABLE", "End", "Outcome", "Tactics"]
+__all__ = ["ACCEPTABLE", "BUDGET", "PROGRESS", "SHORT_BUDGET", "End", "Outcome", "Tactics"]
 
+LONG_BUDGET, BUDGET, SHORT_BUDGET = 500, 300, 100
+"""Steps of an attempt, of one where another one is at hand, and of one that has a solution nearby."""
+BRIEF = 3
+LARGEST_THETA = 30.0
+PROGRESS = 0.9
+"""Of an error: what is less counts as progress (Waechter and Biegler 2006, of a restoration)."""
 ACCEPTABLE = 1e-6
 """A KKT error that may count as solved where rounding errors allow no better."""
 
@@ -41,9 +47,9 @@ class Tactics:
     """
 
     adaptive: bool = True
-    largest_theta: float = 30.0
-    budget: int = 500
-    brief_restorations: int = 3
+    largest_theta: float = LARGEST_THETA
+    budget: int = LONG_BUDGET
+    brief_restorations: int = BRIEF
     patient: bool = True
 
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.calls import chain
-from stc.codegen.native import f64s, i64, i64s, native
+from stc.core.calls import chain
+from stc.core.functions import function
 from stc.solver.convexity import Bending
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.form_cache import Keeper
@@ -124,39 +124,9 @@ class Penalised:
         return own
 
 
-@native
-def _take_values(
-    m: i64, kept: i64s, count: i64, product: i64s, all_f: f64s, all_r: f64s, f: f64s, r: f64s
-) -> None:
-    """Rows that are left, and the objective with the others."""
-    total = 0.0
-    for k in range(count):
-        total += all_r[product[k]]
-    f[0] = all_f[0] + total
-    for k in range(m):
-        r[k] = all_r[kept[k]]
-
-
-@native
-def _give_multipliers(
-    m: i64, kept: i64s, count: i64, product: i64s, y: f64s, weight: f64s, all_y: f64s
-) -> None:
-    """Those of rows that are left as they are, those of products the factor of the objective."""
-    for k in range(count):
-        all_y[product[k]] = weight[0]
-    for k in range(m):
-        all_y[kept[k]] = y[k]
-
-
-@native
-def _take_derivatives(
-    n: i64, entries: i64, kept: i64s, count: i64, product: i64s, cols: i64s, all_gradient: f64s, all_jac: f64s,
-    gradient: f64s, jac: f64s,
-) -> None:  # fmt: skip
-    """The Jacobian of rows that are left, and the gradient with the others."""
-    for i in range(n):
-        gradient[i] = all_gradient[i]
-    for e in range(count):
-        gradient[cols[e]] += all_jac[product[e]]
-    for e in range(entries):
-        jac[e] = all_jac[kept[e]]
+#: Rows that are left, and the objective with the others.
+_take_values = function("elastic_take_values")
+#: Those of rows that are left as they are, those of products the factor of the objective.
+_give_multipliers = function("elastic_give_multipliers")
+#: The Jacobian of rows that are left, and the gradient with the others.
+_take_derivatives = function("elastic_take_derivatives")

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.native import f64, f64s, fabs, i32s, i64, i64s, native
+from stc.core.functions import function
 from stc.records import dataclass, field
 from stc.solver.convexity import Bending
 from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Places, Scaling, python_evaluator
@@ -26,15 +26,13 @@ from stc.solver.options import Options
 from stc.solver.pairs import Complementary, Pairs
 from stc.solver.report import Callback, IterationRecord, Result, Start
 from stc.solver.residuals import assess, holds
-from stc.solver.scaled_problem import relative_violation
+from stc.solver.scaled_problem import RELAXATION, relative_violation
 from stc.solver.status import Status
 
 __all__ = ["Determined", "Reduced", "determined_by", "presolved"]
 
 SMALL_PIVOT: Final = 1e-6
 """An equation with a smaller coefficient, relative to its largest, does not tell its last unknown accurately."""
-MET = 1e-9
-"""What determined variables may miss bounds and equations by, relative to ``max(1, |bound|)``."""
 
 
 @dataclass(slots=True)
@@ -243,76 +241,14 @@ def determined_by(nlp: NLP) -> Determined | None:
         relative_violation(x, nlp.x_lower, nlp.x_upper)[gone].max(initial=0.0),
         relative_violation(r, nlp.row_lower, nlp.row_upper)[settled].max(initial=0.0),
     )
-    if not order.size or not misses <= MET:
+    if not order.size or not misses <= RELAXATION:
         return None
     return Determined(Part.of(nlp, x, ~gone, ~settled), order, cols[entries], entries, columns)
 
 
-@native
-def _find(
-    waiting: i64, queue: i32s, usable: i32s, left: i32s, last: i64s, largest: f64s, starts: i32s, members: i32s,
-    rows: i32s, cols: i32s, jac: f64s, found: i32s, order: i32s, entries: i32s, count: i64s,
-) -> None:  # fmt: skip
-    """Which equation determines which variable, in an order in which they can.
-
-    Args:
-        waiting, queue: so many equations with one unknown, first in ``queue`` (2 m,).
-        usable: 1 for linear equations, (m,).
-        left: how many unknowns each row has, (m,).
-        last: the sum of their entries' places: with one left, its place, (m,).
-        largest: magnitude of each row's largest entry, (m,).
-        starts, members: see :class:`Determined`.
-        found: 1 for variables that are known, (n,).
-        order, entries, count: the result, (m,), (m,) and (1,).
-    """
-    end = waiting
-    place = 0
-    done = 0
-    while place < end:
-        row = queue[place]
-        place += 1
-        if left[row] == 1:
-            e = last[row]
-            col = cols[e]
-            if fabs(jac[e]) > SMALL_PIVOT * largest[row]:
-                found[col] = 1
-                order[done] = row
-                entries[done] = e
-                done += 1
-                for k in range(starts[col], starts[col + 1]):
-                    other = rows[members[k]]
-                    left[other] -= 1
-                    last[other] -= members[k]
-                    if left[other] == 1 and usable[other] == 1:
-                        queue[end] = other
-                        end += 1
-    count[0] = done
-
-
-@native
-def _substitute(
-    count: i64, order: i32s, cols: i32s, entries: i32s, starts: i32s, members: i32s, rows: i32s, jac: f64s,
-    missing: f64s, x: f64s,
-) -> None:  # fmt: skip
-    """Change ``x`` (n,) so that equations, used in this order, lose what is ``missing`` (m,)."""
-    for k in range(count):
-        step = missing[order[k]] / jac[entries[k]]
-        x[cols[k]] += step
-        for place in range(starts[cols[k]], starts[cols[k] + 1]):
-            e = members[place]
-            missing[rows[e]] -= jac[e] * step
-
-
-@native
-def _balance(
-    count: i64, weight: f64, order: i32s, cols: i32s, entries: i32s, starts: i32s, members: i32s, rows: i32s,
-    jac: f64s, gradient: f64s, y: f64s,
-) -> None:  # fmt: skip
-    """Multipliers ``y`` (m,) of equations, used in this order, that leave their variables no slope."""
-    for back in range(count):
-        k = count - 1 - back
-        total = weight * gradient[cols[k]]
-        for place in range(starts[cols[k]], starts[cols[k] + 1]):
-            e = members[place]
-            total += jac[e] * y[rows[e]]
-        y[order[k]] = -total / jac[entries[k]]
+#: Which equation determines which variable, in an order in which they can.
+_find = function("presolve_find")
+#: Change ``x`` (n,) so that equations, used in this order, lose what is ``missing`` (m,).
+_substitute = function("presolve_substitute")
+#: Multipliers ``y`` (m,) of equations, used in this order, that leave their variables no slope.
+_balance = function("presolve_balance")

@@ -8,12 +8,11 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.solver.conditions import POINT, point_conditions
+from stc.solver.kernels import multiplier_scale
 from stc.solver.nlp import Floats, Mask
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["PrimalDual", "measure"]
-
-MEAN_MULTIPLIER = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,5 +65,5 @@ def measure(
     violation, dual, total = out.tolist()
     if not math.isfinite(dual + total) or not np.isfinite(hess.sum()):
         return None
-    error = max(violation, dual / max(1.0, total / max(1, m + n) / MEAN_MULTIPLIER))
+    error = max(violation, dual / multiplier_scale(total, m + n))
     return PrimalDual(x, y, z, f, r, gradient, jac, hess, lagrangian, error)

@@ -9,12 +9,32 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.native import f64s, i64, i64s, native
+from stc.core.functions import function
 from stc.solver.nlp import Floats, Ints, Mask
 
 Indices = NDArray[np.int64]
 
-__all__ = ["between", "inner", "norm", "symmetric_times", "term_sums", "times"]
+__all__ = [
+    "EPSILON",
+    "NOTHING",
+    "ROUGHLY",
+    "ROUNDED",
+    "between",
+    "inner",
+    "norm",
+    "symmetric_times",
+    "term_sums",
+    "times",
+]
+
+EPSILON = 2.0**-52
+ROUNDED = 16.0 * EPSILON
+"""What rounding may change a sum by, relative to the sizes of its terms."""
+ROUGHLY = 1e-12
+"""The same after many operations, with a margin."""
+NOTHING = 1e-8
+"""What counts as nothing beside 1: shifts of rows and of curvature (Waechter and Biegler 2006, 3.1). One over it holds
+variables and leaves rows out."""
 
 
 def between(x: Floats, lower: Floats, upper: Floats) -> Floats:
@@ -66,16 +86,5 @@ def symmetric_times(rows: Indices, cols: Indices, values: Floats, v: Floats, siz
     return out
 
 
-@native
-def _times(count: i64, rows: i64s, cols: i64s, values: f64s, v: f64s, out: f64s) -> None:
-    for e in range(count):
-        out[rows[e]] += values[e] * v[cols[e]]
-
-
-@native
-def _symmetric_times(count: i64, rows: i64s, cols: i64s, values: f64s, v: f64s, out: f64s) -> None:
-    for e in range(count):
-        i, j = rows[e], cols[e]
-        out[i] += values[e] * v[j]
-        if i != j:
-            out[j] += values[e] * v[i]
+_times = function("kernels_times")
+_symmetric_times = function("kernels_symmetric_times")

@@ -7,6 +7,7 @@ import numpy as np
 from stc.solver.iterate import evaluate
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.progress_kernels import ITS_PATIENCE, MOST_TINY_STEPS
+from stc.solver.projection_kernels import CONTRACTION
 from stc.solver.state import (
     DUAL_BEFORE,
     DUAL_NOW,
@@ -22,9 +23,6 @@ from stc.solver.state import (
 from stc.solver.workspace import Workspace
 
 __all__ = ["Drift", "Nearest", "Stall"]
-
-SLOW = 0.1
-MUCH = 1e-6
 
 
 class Nearest:
@@ -92,5 +90,5 @@ class Drift:
     def falling(self) -> bool:
         """True when the last step reduced the dual error little and the objective much."""
         s = self._s
-        slow = s[DUAL_NOW] > SLOW * s[DUAL_BEFORE]
-        return slow and s[OBJECTIVE_BEFORE] - s[OBJECTIVE_NOW] > MUCH * max(1.0, abs(s[OBJECTIVE_NOW]))
+        slow = s[DUAL_NOW] > CONTRACTION * s[DUAL_BEFORE]
+        return slow and s[OBJECTIVE_BEFORE] - s[OBJECTIVE_NOW] > ACCEPTABLE * max(1.0, abs(s[OBJECTIVE_NOW]))

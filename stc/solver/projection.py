@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from stc.codegen.calls import Bound, CallTable, chain_until
+from stc.core.calls import Bound, CallTable, chain_until
 from stc.solver import conditions, projection_kernels
 from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, RestrictedDiagonals, factorize_restricted
 from stc.solver.kkt.contract import COARSE, FINE

@@ -17,26 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.records import dataclass
-from stc.solver.active_set_system import RestrictedDiagonals, factorize_restricted
+from stc.solver.active_set_system import CHANGES, REFINEMENTS, RestrictedDiagonals, factorize_restricted
 from stc.solver.conditions import better_signs, respond, restrict
 from stc.solver.nlp import Floats
+from stc.solver.outcome import ACCEPTABLE
 from stc.solver.primal_dual import PrimalDual
 from stc.solver.products import term_sums
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.projection_kernels import ACCURATE
+from stc.solver.scaled_problem import RELAXATION, ScaledProblem
 
 __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
 
 Signs = NDArray[np.int32]
-
-CHANGES = 12
-"""How many active sets are tried before the barrier method takes over, ..."""
-FEW, MORE, EARLY, HARDLY_FEWER = 8, 2.0, 4, 0.75
-"""... but not those that differ from the last one by more than a few constraints and by twice as many as some did
-before, nor more than so many where the differences hardly get fewer."""
-NEGLIGIBLE, ROUNDING = 1e-6, 1e-9
-"""Multipliers below this, and this share of the terms they balance, do not tell an active constraint."""
-REFINEMENTS, ACCURATE = 4, 0.1
-"""Steps are refined so many times at most, until what they leave is less than this share of the tolerance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +67,8 @@ def guess_from_multipliers(form: ScaledProblem, point: PrimalDual) -> ActiveSet:
     """What was active where the point's multipliers belong."""
     terms = term_sums(form.jac_cols, form.jac_rows, point.jac, point.y, form.n)
     return ActiveSet(
-        _signs(point.z, np.asarray(NEGLIGIBLE + ROUNDING * terms, float), *form.true_x) * ~form.held,
-        _signs(point.y, np.full(form.m, NEGLIGIBLE), *form.true_rows) * ~form.equality,
+        _signs(point.z, np.asarray(ACCEPTABLE + RELAXATION * terms, float), *form.true_x) * ~form.held,
+        _signs(point.y, np.full(form.m, ACCEPTABLE), *form.true_rows) * ~form.equality,
     )
 
 
@@ -84,16 +76,6 @@ def _signs(multiplier: Floats, least: Floats, lower: Floats, upper: Floats) -> S
     at_upper = (multiplier > least) & np.isfinite(upper)
     at_lower = (multiplier < -least) & np.isfinite(lower)
     return at_upper.astype(np.int32) - at_lower.astype(np.int32)
-
-
-def _diverges(differences: list[int]) -> bool:
-    """Whether active sets that differ by so many constraints, one from the next, lead nowhere."""
-    if not differences:
-        return False
-    last, least = differences[-1], min(differences)
-    if last > FEW and last > MORE * least:
-        return True
-    return len(differences) >= EARLY and least > HARDLY_FEWER * differences[0]
 
 
 class QuadraticProgram:
@@ -133,9 +115,8 @@ class QuadraticProgram:
         form = self.form
         n, m = form.n, form.m
         tried: set[bytes] = set()
-        differences: list[int] = []
         active = guess
-        while len(tried) < CHANGES and active.key() not in tried and not _diverges(differences):
+        while len(tried) < CHANGES and active.key() not in tried:
             self._check()
             tried.add(active.key())
             fixed_d = np.empty(n)
@@ -153,7 +134,6 @@ class QuadraticProgram:
             )
             if not different:
                 return QuadraticSolution(d, y, self._fixed * pull, active)
-            differences.append(different)
             active = better
         return None
 

@@ -6,30 +6,27 @@ from dataclasses import replace
 
 import numpy as np
 
+from stc.solver.curvature import SecondOrder, second_order_at
 from stc.solver.interior import optimise
 from stc.solver.judgement import Point
+from stc.solver.least_norm_point import Solve, least_norm_point
 from stc.solver.nlp import Floats
-from stc.solver.outcome import Outcome, Tactics
+from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.products import between
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.scaled_problem import ORDINARY, SMALLEST, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, warm_iterate
 from stc.solver.strategies import Strategies
+from stc.solver.workspace import workspace_of
 
 __all__ = ["Rescalings"]
-
-FAR_LARGER = 1e3
-"""A variable that has become so many times larger than it was, or than it is measured in, tells of its units."""
-LIGHT = 1e-3, 1e-6
-"""Curvatures of the objective beside which scaled linear equations are told from such that depend on one another."""
-SAME = 10.0
-"""Units of variables that differ by less would lead to the same again."""
 
 
 class Rescalings:
     """Other scales for the problem of some attempts. Each attempt is None where nothing would be different."""
 
-    def __init__(self, attempts: Strategies) -> None:
-        self.attempts = attempts
+    def __init__(self, attempts: Strategies, solve: Solve) -> None:
+        """``solve`` solves another problem with settings: :func:`stc.solver.sqp.minimize`."""
+        self.attempts, self.solve = attempts, solve
         self.nlp, self.options = attempts.nlp, attempts.options
         self.monitor, self.judgement = attempts.monitor, attempts.judgement
 
@@ -55,7 +52,8 @@ class Rescalings:
         even = self.scaled_anew(form, x0, form.objective_factor, even=True)
         _, _, hess = even.weighted_derivatives(x0 / even.x_scale, np.zeros(even.m), 1.0)
         curvature = float(np.abs(hess).max(initial=0.0))
-        for light in LIGHT:
+        # Beside such curvatures scaled linear equations are told from such that depend on one another.
+        for light in (SMALLEST, ACCEPTABLE):
             factor = light / max(curvature, light)
             even = self.scaled_anew(form, x0, factor * form.objective_factor, even=True)
             outcome = self.attempts.linear_equations(even, x0)
@@ -68,7 +66,7 @@ class Rescalings:
 
         A claim of infeasibility is as good as the scales that it was made with.
         """
-        larger = np.abs(reached) > FAR_LARGER * np.maximum(form.x_scale, np.abs(x0))
+        larger = np.abs(reached) > ORDINARY[1] * np.maximum(form.x_scale, np.abs(x0))
         if not self.options.scaling or not larger.any():
             return None
         resized = self.scaled_anew(form, np.where(larger, reached, x0), form.objective_factor)
@@ -79,20 +77,35 @@ class Rescalings:
 
         A violation that seems to be stationary may be of rows whose variables have far to go.
         """
-        from stc.solver.least_norm_point import least_norm_point
-
         if not self.options.scaling:
             return None
+        unit = self.scaled_anew(form, x0, form.objective_factor, even=True).x_scale
         monitor = self.monitor
         left = replace(self.options, max_iterations=monitor.limit - monitor.iterations)
-        unit = self.scaled_anew(form, x0, form.objective_factor, even=True).x_scale
-        there, spent = least_norm_point(self.nlp, unit, left)
+        there, spent = least_norm_point(self.nlp, unit, left, self.solve)
         monitor.iterations += spent
         sized = self.scaled_anew(form, there, form.objective_factor)
-        ratio = sized.x_scale / form.x_scale
-        if ((ratio <= SAME) & (ratio >= 1.0 / SAME)).all():
+        if (sized.x_scale == form.x_scale).all():
             return None
         return self.attempts.cold(sized, x0, self.options)
+
+    def beyond_saddle(self, outcome: Outcome) -> tuple[Outcome, Outcome | None]:
+        """A stationary point where it is a minimum; else what negative curvature leads to from there.
+
+        Returns:
+            That, and the stationary point again where it would do if that leads nowhere: where nothing bends downwards.
+        """
+        form = outcome.form
+        assert isinstance(form, ScaledProblem)
+        found = second_order_at(form, outcome.x, outcome.y, self.options.seed)
+        if found in (SecondOrder.HOLDS, SecondOrder.FLAT):
+            return replace(outcome, minimum=True), None
+        if found is SecondOrder.FAILS:
+            return replace(outcome, end=End.SADDLE), None
+        x = workspace_of(form).it.w[: form.n].copy()
+        self.monitor.count()
+        on = self.on_from(form, Point(*form.as_stated(x, outcome.y)), Tactics())
+        return on, replace(outcome, minimum=True) if found is SecondOrder.LOWER else None
 
     def on_from(self, form: ScaledProblem, point: Point, tactics: Tactics, share: float = 1.0) -> Outcome:
         """On from a point of the problem as stated that is nearly a solution, in the scale of ``form``, to such a

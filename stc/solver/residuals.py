@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.codegen.calls import chain
+from stc.core.calls import chain
 from stc.records import dataclass
 from stc.solver.conditions import STATED, stated_conditions
 from stc.solver.evaluator import Scaling, Stated, evaluator_of
@@ -12,7 +12,7 @@ from stc.solver.form_cache import once
 from stc.solver.kernels import multiplier_scale
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
-from stc.solver.products import term_sums
+from stc.solver.products import ROUNDED, term_sums
 from stc.solver.scaled_problem import relative_violation
 
 __all__ = [
@@ -24,10 +24,6 @@ __all__ = [
     "rows_missed",
     "signed_violations",
 ]
-
-EPSILON = 2.0**-52
-ROUNDED = 16.0
-"""Units in the last place of each term of a row that its value may be off by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +112,7 @@ def rows_missed(nlp: NLP, x: Floats, tolerance: float) -> Mask:
         return np.ones(nlp.m, bool)
     missed = relative_violation(r, nlp.row_lower, nlp.row_upper)
     bound = np.maximum(1.0, np.abs(np.where(r < nlp.row_lower, nlp.row_lower, nlp.row_upper)))
-    return np.asarray(missed > np.maximum(tolerance, ROUNDED * EPSILON * terms / bound))
+    return np.asarray(missed > np.maximum(tolerance, ROUNDED * terms / bound))
 
 
 def signed_violations(nlp: NLP, r: Floats) -> Floats:

@@ -14,28 +14,27 @@ import numpy as np
 from stc.records import dataclass
 from stc.solver.convexity import is_convex
 from stc.solver.elastic import ElasticProblem
+from stc.solver.filter import Filter
 from stc.solver.form_cache import once
 from stc.solver.formulation import Formulation
-from stc.solver.globalization import Filter, barrier_value
 from stc.solver.iterate import Iterate, evaluate
+from stc.solver.kernels import LARGEST_MULTIPLIER
 from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import Floats
-from stc.solver.outcome import ACCEPTABLE, End, Outcome
+from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome
+from stc.solver.projection_kernels import ACCURATE
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
-__all__ = ["PRICE", "Acceptance", "back_from", "elastic_of", "elastic_start", "meet_rows", "returned"]
+__all__ = ["Acceptance", "back_from", "barrier_value", "elastic_of", "elastic_start", "meet_rows", "returned"]
 
-PRICE = 1.0
-MOST_CENTRES, LESS = 30, 0.9
-"""Points at most near which the rows of a convex program are to be met, one after the other; the share of the
-violation near one of them that is less near the next."""
-NEARLY_MET = 10.0
-"""A stationary violation of nonlinear rows proves nothing while it is this near to the tolerance."""
-BARRIER_FRACTION = 1e-3
-PROXIMITY = 1e-3
-PROGRESS = 0.9
-LARGEST_MULTIPLIER = 1e3
+RHO = 1e3
+"""What a unit of violation costs beside nearness to where restoration begins, which that is divided by here."""
+
+
+def barrier_value(f: float, gap: Floats, mu: float) -> float:
+    """``f - mu * sum(log(gap))``."""
+    return f - mu * float(np.log(gap).sum()) if gap.size else f
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,20 +77,20 @@ def meet_rows(
         Why to stop there, or None; and the elastic problem's own outcome.
     """
     claim: Iterate | None = None
-    # Of rows that are not convex a stationary violation says little anyway.
-    for _ in range(MOST_CENTRES if once(is_convex, form.nlp) else 1):
+    while True:
         elastic, start, barrier = elastic_start(form, it, mu)
         outcome = solve(elastic, start, barrier)
         end = returned(form, it, elastic, outcome, tolerance)
-        if claim is not None and it.theta > LESS * claim.theta:
+        if claim is not None and it.theta > PROGRESS * claim.theta:
             it.become(claim)
             # Where the search from there got lost, nothing has confirmed the claim.
             return End.STATIONARY_VIOLATION if end is End.STATIONARY_VIOLATION else End.STUCK, outcome
-        if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n]):
-            break
+        if end is not End.STATIONARY_VIOLATION or not elastic.is_held(it.w[: form.n], ACCURATE * tolerance):
+            return end, outcome
+        if not once(is_convex, form.nlp):  # of such rows a stationary violation says little anyway
+            return end, outcome
         # It stays near where it began, which may be all that keeps it there.
         claim, mu = it.snapshot(), 0.0
-    return end, outcome
 
 
 def returned(
@@ -107,8 +106,7 @@ def returned(
     minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
     if outcome.end is not End.STOPPED and minimal:
         violation = form.violation(w[: form.n], restored.r)
-        doubt = 1.0 if form.linear else NEARLY_MET
-        if violation > doubt * tolerance:
+        if violation > tolerance:
             end = End.STATIONARY_VIOLATION
     it.become(restored)
     y = outcome.y / elastic.price if end else least_squares_multipliers(workspace_of(form))
@@ -119,15 +117,15 @@ def returned(
 def elastic_of(base: ScaledProblem) -> ElasticProblem:
     """The elastic form of a problem."""
     if base.elastic is None:
-        base.elastic = ElasticProblem(base, price=PRICE)
+        base.elastic = ElasticProblem(base, price=1.0)
     return base.elastic
 
 
 def elastic_start(base: ScaledProblem, it: Iterate, mu: float) -> tuple[ElasticProblem, Iterate, float]:
     """The restoration problem at an iterate, its own first iterate and its barrier parameter."""
     elastic = elastic_of(base)
-    elastic.stay_near(it.w[: base.n], PROXIMITY * float(np.sqrt(max(mu, 1e-8))))
-    barrier = BARRIER_FRACTION * max(mu, float(np.abs(it.c).max(initial=0.0)))
+    elastic.stay_near(it.w[: base.n], float(np.sqrt(max(mu, 1e-8))) / RHO)
+    barrier = max(mu, float(np.abs(it.c).max(initial=0.0))) / RHO
     return elastic, elastic.start(it.w, np.zeros(base.m), it.z, barrier), barrier
 
 

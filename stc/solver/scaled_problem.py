@@ -19,7 +19,7 @@ from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
-from stc.solver.products import Indices
+from stc.solver.products import ROUNDED, Indices
 
 if TYPE_CHECKING:
     from stc.solver.elastic import ElasticProblem
@@ -30,22 +30,18 @@ __all__ = ["ScaledProblem", "relative_violation"]
 
 LARGEST_GRADIENT = 100.0
 SMALLEST_FACTOR = 1e-8
-TOO_LARGE, LEAST_FACTOR = 1e4, 1e-12
-"""A gradient that no such factor keeps below this, or that only begins small, is divided by more."""
-SMALLEST_GRADIENT = 1e-3
-LARGEST_FACTOR = 1e8
-LARGEST_BOUND = 1e4
-"""Of an inequality row: a gradient that is small where all begins says nothing of a row that may become so large."""
-WEAK, WEAKEST = 1e-4, 1e-10
+TOO_LARGE = 1e4
+"""A gradient that no such factor keeps below this, or that only begins small, is divided by more; and so is an
+inequality row with a larger bound: a gradient that is small where all begins says nothing of it."""
+WEAK, WEAKEST = 1.0 / TOO_LARGE, 1e-10
 """A variable whose entries of the scaled Jacobian are all smaller is measured in larger units."""
-UNEVEN = 0.1
-"""The same where rows of the usual scale have not led to a solution."""
-RELAXATION, SMALLEST_BOUND = 1e-9, 1e-3
-ROUNDED = 64 * 2.0**-52
-"""The least part of a bound that it is widened by: enough for the gap to be a number of several digits."""
-TINY = 1e-4
-"""Where no variable is larger, nor may be, it is for the units."""
-ORDINARY = (1e-2, 1e3)  # magnitudes of variables that are left alone
+RELAXATION = 1e-9
+ORDINARY = 1e-2, 1e3
+"""Magnitudes of variables that are left alone."""
+SMALLEST = 1.0 / ORDINARY[1]
+"""Gradients that are smaller are scaled, and bounds that are smaller are widened by less."""
+NEARBY = 0.1
+"""A little way off: so much of a variable's size."""
 
 
 def _is_small(x: Floats) -> Mask:
@@ -55,10 +51,10 @@ def _is_small(x: Floats) -> Mask:
 
 
 def _are_tiny(nlp: NLP, x0: Floats) -> bool:
-    """Whether all variables are, as far as ``x0`` (n,) and their bounds tell."""
+    """Whether all variables are, for their units, as far as ``x0`` (n,) and their bounds tell."""
     bounds = np.abs(np.concatenate([nlp.x_lower, nlp.x_upper]))
     told = bounds[np.isfinite(bounds) & (bounds > 0.0)]
-    return told.size > 0 and max(told.max(), np.abs(x0).max()) < TINY
+    return told.size > 0 and max(told.max(), np.abs(x0).max()) < WEAK
 
 
 def relative_violation(values: Floats, lower: Floats, upper: Floats) -> Floats:
@@ -100,7 +96,7 @@ class ScaledProblem(Formulation):
         self._set_pattern(nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols)
         self._held_user = nlp.x_lower == nlp.x_upper
         if options.scaling:
-            self._choose_scales(x0, UNEVEN if even else WEAK)
+            self._choose_scales(x0, 1.0 if even else WEAK)
         self.objective_factor = objective_factor
         self.objective_scale *= objective_factor
         self._combine_scales()
@@ -169,11 +165,11 @@ class ScaledProblem(Formulation):
         for bound in (nlp.row_lower, nlp.row_upper):
             np.maximum(sizes, np.abs(bound), out=sizes, where=np.isfinite(bound))
         sizes *= self.row_scale
-        large = (sizes > LARGEST_BOUND) & (nlp.row_lower < nlp.row_upper)
+        large = (sizes > TOO_LARGE) & (nlp.row_lower < nlp.row_upper)
         # A steep row is not widened by less: two that meet would leave room for rounding errors alone.
         self._row_unit = np.maximum(self.row_scale, 1.0)
-        self._row_unit[large] *= LARGEST_BOUND / sizes[large]
-        self.row_scale[large] *= LARGEST_BOUND / sizes[large]
+        self._row_unit[large] *= TOO_LARGE / sizes[large]
+        self.row_scale[large] *= TOO_LARGE / sizes[large]
 
     def _choose_function_scales(self, x0: Floats) -> Floats:
         """Scale the objective and the rows for the scales of the variables; the magnitudes of the Jacobian's entries
@@ -181,16 +177,16 @@ class ScaledProblem(Formulation):
         """
         nlp = self.nlp
         at_start, entries = self._magnitudes(x0)
-        way = 0.1 * scattered(self.n)
+        way = NEARBY * scattered(self.n)
         nearby, entries_nearby = self._magnitudes(np.clip(x0 + way * self.x_scale, nlp.x_lower, nlp.x_upper))
         factors = _factors(at_start, nearby)
-        flat = (at_start < SMALLEST_GRADIENT) & (nearby > TOO_LARGE)
+        flat = (at_start < SMALLEST) & (nearby > TOO_LARGE)
         if flat.any():
             # Where a variable is small, a way of its own size.
             own = np.where(x0 == 0.0, self.x_scale, np.minimum(np.abs(x0), self.x_scale))
             nearby, _ = self._magnitudes(np.clip(x0 + way * own, nlp.x_lower, nlp.x_upper))
             flat &= np.isfinite(nearby) & (nearby > TOO_LARGE)
-            factors[flat] = np.maximum(TOO_LARGE / nearby[flat], LEAST_FACTOR)
+            factors[flat] = TOO_LARGE / nearby[flat]
         self.row_scale, self.objective_scale = factors[:-1], float(factors[-1])
         return np.maximum(entries, entries_nearby)
 
@@ -287,16 +283,19 @@ def _factors(gradients: Floats, nearby: Floats) -> Floats:
     large = np.isfinite(gradients) & (gradients > LARGEST_GRADIENT)
     factors[large] = np.maximum(LARGEST_GRADIENT / gradients[large], SMALLEST_FACTOR)
     both = np.maximum(gradients, nearby)
-    small = (both > 0.0) & (both < SMALLEST_GRADIENT)  # False for nan
-    factors[small] = np.minimum(1.0 / both[small], LARGEST_FACTOR)
+    small = (both > 0.0) & (both < SMALLEST)  # False for nan
+    factors[small] = np.minimum(1.0 / both[small], 1.0 / SMALLEST_FACTOR)
     return factors
 
 
 def _hair(bound: Floats, unit: Floats) -> Floats:
-    """What bounds are widened by, in which ``unit`` is one as stated; one that is 0 says nothing of its size."""
+    """What bounds are widened by, in which ``unit`` is one as stated; one that is 0 says nothing of its size.
+
+    The least is a few units in the last place: enough for a gap to be a number.
+    """
     size = np.abs(bound)
-    hair = np.where(size == 0.0, 1.0, np.clip(size, SMALLEST_BOUND, 1.0))
-    return np.maximum(RELAXATION * np.minimum(hair, unit), ROUNDED * size)
+    hair = np.where(size == 0.0, 1.0, np.clip(size, SMALLEST, 1.0))
+    return np.maximum(RELAXATION * np.minimum(hair, unit), 4.0 * ROUNDED * size)
 
 
 def _relaxed(lower: Floats, upper: Floats, unit: Floats) -> tuple[Floats, Floats]:

@@ -10,6 +10,7 @@ import numpy as np
 from stc.deadline import within
 from stc.solver.active_set import fitting_multipliers
 from stc.solver.convexity import is_convex
+from stc.solver.curvature import ESCAPES, SecondOrder, second_order_at
 from stc.solver.form_cache import give_back, kept_form, key_of, once
 from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement, Point
@@ -17,15 +18,15 @@ from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
-from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
+from stc.solver.outcome import ACCEPTABLE, BUDGET, SHORT_BUDGET, End, Outcome, Tactics
 from stc.solver.pairs import pairs_of
 from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
+from stc.solver.projection_kernels import CONTRACTION
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
 from stc.solver.scaled_problem import ScaledProblem, relative_violation
-from stc.solver.second_order import beyond_saddle, is_minimum
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
@@ -44,14 +45,8 @@ __all__ = ["minimize"]
 RESCALINGS = 3
 LEFT_OUT: frozenset[str] = frozenset()
 """Names of strategies that are not to be tried, to measure what they are worth."""
-ESCAPES = 5
-"""Stationary points that bend downwards, one after the other."""
-UNCHANGED = 1e-9
-DISPROOF = 0.1
-GUESSED, FOLLOWED = Tactics(budget=300), Tactics(budget=150)
+GUESSED, FOLLOWED = Tactics(budget=BUDGET), Tactics(budget=SHORT_BUDGET)
 """Before another start is asked for, from a guess and from the same motion on fewer frames."""
-HELPED, MOST = 100, 300
-"""The same where that was one from fewer frames: from more of them it may take less; where it was a guess."""
 
 Strategy = Callable[[ScaledProblem, Floats, Floats], Outcome | None]
 """What a problem, its guess (n,) and the point reached so far (n,) lead to; None where nothing would be different."""
@@ -150,7 +145,7 @@ class _Solve:
         self._least: Outcome | None = None  # of a search for a feasible point from the guess
         self.judgement = Judgement(nlp, options)
         self.attempts = Strategies(nlp, options, self.monitor, self.judgement)
-        self.rescalings = Rescalings(self.attempts)
+        self.rescalings = Rescalings(self.attempts, minimize)
 
     def run(self) -> Result:
         nlp = self.nlp
@@ -267,7 +262,9 @@ class _Solve:
             if start is None:
                 break
             followed = start.row_multipliers is not None
-            other = self._from(form, start, Tactics(budget=HELPED if followed else MOST, patient=False))
+            other = self._from(
+                form, start, Tactics(budget=SHORT_BUDGET if followed else BUDGET, patient=False)
+            )
             if other.end is End.CONVERGED:
                 return other
         if outcome.early and first is GUESSED:  # it was on its way, not lost
@@ -316,7 +313,7 @@ class _Solve:
                 return flat or outcome
             if outcome.end is End.UNBOUNDED or outcome.minimum:
                 return outcome
-            outcome, flat = beyond_saddle(outcome, self.rescalings)
+            outcome, flat = self.rescalings.beyond_saddle(outcome)
         outcome = self._confirmed(outcome)
         if outcome.end is End.CONVERGED and not outcome.minimum:
             outcome.end = End.SADDLE
@@ -340,14 +337,14 @@ class _Solve:
             point, confirmed = self.judgement.stated(outcome), False
             if outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE:
                 judged = self.judgement.assess(point)
-                confirmed = self.judgement.confirms(point, outcome.y)
+                confirmed = self.judgement.confirms(point)
                 if confirmed and not self.judgement.stalled_short(outcome, point, refused):
                     outcome.end = End.CONVERGED
                     return outcome
             # What is a solution but for what it may gain is gone on from, once.
             if outcome.end is End.STUCK and not (confirmed and before is None and not outcome.early):
                 f = self.nlp.values(point.x)[0]
-                same = before is not None and abs(f - before) <= UNCHANGED * max(1.0, abs(f))
+                same = before is not None and abs(f - before) <= self.options.tolerance * max(1.0, abs(f))
                 if same and not outcome.early and not self.judgement.may_gain(point):
                     outcome.end = End.CONVERGED
                 return outcome
@@ -368,7 +365,7 @@ class _Solve:
         if one.end is not other.end:
             # A stationary violation says nothing of rows that another attempt came much nearer to.
             claim = 0 if one.end is End.STATIONARY_VIOLATION else 1
-            disproved = violations[1 - claim] < DISPROOF * violations[claim]
+            disproved = violations[1 - claim] < CONTRACTION * violations[claim]
             return (one, other)[1 - claim if disproved else claim]
         return one if violations[0] <= violations[1] else other
 
@@ -412,12 +409,14 @@ class _Solve:
 
     def _is_stationary(self, point: Point) -> bool:
         """Whether a point that was not solved for meets the conditions of the first order."""
-        return self.judgement.confirms(point, point.y) and not self.judgement.may_gain(point)
+        return self.judgement.confirms(point) and not self.judgement.may_gain(point)
 
     def _is_minimum(self, point: Point) -> bool:
         """Whether a stationary point meets those of the second."""
-        assert self.form is not None
-        return is_minimum(self.form, point, self.options.seed)
+        form = self.form
+        assert form is not None
+        x, y = point.x / form.x_scale, form.scaled_multipliers(point.y)
+        return second_order_at(form, x, y, self.options.seed) in (SecondOrder.HOLDS, SecondOrder.FLAT)
 
     def _result(
         self, status: Status, x: Floats, y: Floats | None = None, message: str = "", at: Point | None = None

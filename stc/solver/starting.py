@@ -8,7 +8,7 @@ from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import Floats
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.scaled_problem import RELAXATION, ScaledProblem
 from stc.solver.workspace import workspace_of
 
 __all__ = ["WARM_BARRIER", "active_iterate", "cold_iterate", "warm_iterate"]
@@ -16,9 +16,8 @@ __all__ = ["WARM_BARRIER", "active_iterate", "cold_iterate", "warm_iterate"]
 PUSH = 1e-2
 WARM_PUSH = 1e-3
 WARM_BARRIER = 1e-5
-SMALLEST_PUSH = 1e-12
-ACTIVE_PUSH, ACTIVE_BARRIER = 1e-9, 1e-12
-"""So near to its bound, with such a product, what is active is as good as held, and what is not as good as free."""
+ACTIVE_BARRIER = 1e-12
+"""With such a product, very near to its bound, what is active is as good as held, and what is not as good as free."""
 
 
 def cold_iterate(form: ScaledProblem, x: Floats, *, by_gaps: bool = True) -> Iterate:
@@ -47,7 +46,7 @@ def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
 
 def active_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
     """The same as near to a solution ``x`` (n,), with multipliers ``y`` (m,), as a barrier comes at its end."""
-    return _iterate_at(form, x, y, ACTIVE_PUSH, ACTIVE_BARRIER)
+    return _iterate_at(form, x, y, RELAXATION, ACTIVE_BARRIER)
 
 
 def _iterate_at(form: ScaledProblem, x: Floats, y: Floats, push: float, barrier: float) -> Iterate:
@@ -70,7 +69,7 @@ def _inside(form: Formulation, x: Floats, push: float) -> Floats:
         move_inside()
         ev.x[:] = w[:n]
         ev.values_call()
-        if ev.values_status[0] == 0.0 or push < SMALLEST_PUSH:
+        if ev.values_status[0] == 0.0 or push < ACTIVE_BARRIER:
             break
         push *= 0.1
     if form.any_inequality:

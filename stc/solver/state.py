@@ -12,11 +12,7 @@ from typing import Final
 OBJECTIVE: Final = 0  # f, |c|_1 and the sum of the gaps' logarithms at the iterate
 THETA: Final = 1
 LOGARITHMS: Final = 2
-DUAL: Final = 3  # the iterate's errors, not scaled
 PRIMAL: Final = 4
-COMPLEMENTARITY: Final = 5
-Z_SUM: Final = 6
-Y_SUM: Final = 7
 PRODUCTS: Final = 8  # sum of gap times multiplier
 DUAL_SQUARED: Final = 9
 PRIMAL_SQUARED: Final = 10
@@ -27,13 +23,11 @@ DUAL_STEP: Final = 14
 SLOPE: Final = 15  # of f, and of the sum of logarithms
 LOG_SLOPE: Final = 16
 LENGTH: Final = 17  # of the variables' part of the step
-RELATIVE: Final = 18  # largest |dw| / (1 + |w|)
 FINITE: Final = 19  # 0 where all of the step is finite, else nan
 TRIAL_THETA: Final = 20
 TRIAL_LOGARITHMS: Final = 21
 TRIAL_GAP: Final = 22  # the smallest
 MOVED: Final = 23  # 1 when the trial point has become the iterate
-STEP: Final = 24  # largest relative change of a variable
 VIOLATION: Final = 25  # in the user's terms
 DUAL_ERROR: Final = 26  # errors over the size of the multipliers, and the largest of all three
 GAP_ERROR: Final = 27
@@ -62,7 +56,7 @@ SMALL_STEPS: Final = 48
 SHORT_STEPS: Final = 49
 THETA_BEFORE: Final = 50
 
-# Of the barrier parameter (stc.solver.barrier_parameter).
+# Of the barrier parameter (stc.solver.barrier_update).
 MU: Final = 56
 TAU: Final = 57
 FREE: Final = 58  # 1 while the parameter is chosen anew at every iterate
@@ -72,38 +66,27 @@ SMALLEST_MU: Final = 61
 LARGEST_MU: Final = 62
 BLOCKED: Final = 63
 DOUBT: Final = 65  # the residual at which a solution is not used
-ERROR_BEFORE: Final = 66  # that of the iterate before, and the parameter of the step that led there
-MU_BEFORE: Final = 67
-CRAWLS: Final = 68  # how often the error was much larger after a step with a parameter that was hardly less
 
 # Of the linear system (stc.solver.newton_system).
 SHIFT: Final = 72
 DUAL_SHIFT: Final = 73
 LAST_SHIFT: Final = 74
 STIFFNESS: Final = 75
-SOFT: Final = 76
 FAILURES: Final = 79
 UNTRIED: Final = 80
 WHOLE: Final = 82
 EXCESS: Final = 83
 BENDS: Final = 85
-TASK: Final = 86
 EXACT: Final = 87
 EQUATIONS: Final = 90  # 1 when there are equality rows
 BENDS_ALIKE: Final = 91  # 1 when the objective bends the same everywhere
 ENDED: Final = 92  # how the last attempt to factorise did
 SLOW_STEPS: Final = 93  # damped ones in a row that were whole
-SLOW_BEST: Final = 94  # the smallest dual error of these, and of as many before them
 SLOW_BEFORE: Final = 95
 
-# Of the search along a step (stc.solver.globalization).
-FROM_THETA: Final = 96  # what the points tried are compared with
-FROM_PHI: Final = 97
-FROM_SLOPE: Final = 98
-LIMIT: Final = 99
+# Of the search along a step (stc.solver.filter_line_search).
 SHORTEST: Final = 101
 SMALL_THETA: Final = 104
-REACH: Final = 106  # fraction of the step that the bounds allow, be it more than all of it
 LENGTHENS: Final = 107  # 1 where more than all of a step may be taken
 
 # Of the records, in the user's terms (stc.solver.progress_kernels).
@@ -117,7 +100,7 @@ BEST_NEW: Final = 117  # 1 when the best point has changed since it was last ask
 NUMBERS: Final = 120
 
 #: Places in a record: of the user's terms, and of the step that led there.
-ROW_OBJECTIVE, ROW_VIOLATION, ROW_ERROR, ROW_STEP, ROW_LENGTH, ROW_MU, ROW_SHIFT, ROW = 0, 1, 2, 3, 4, 5, 6, 7
+ROW = 7
 
 # Prepared calls.
 MEASURE: Final = 0
@@ -139,4 +122,3 @@ CORRECTION: Final = 16
 MEASURED: Final = 17  # of a whole iteration, its two parts
 ITERATION: Final = 18
 CALLS: Final = 19
-RAISED: Final = 2 * CALLS  # in the cells of the table: 1 when a Python function has raised something

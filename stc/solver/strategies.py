@@ -6,30 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from stc.solver.active_set import bends_upwards, newton_on_active_set, newton_point
+from stc.solver.active_set import PATIENCE, bends_upwards, newton_on_active_set, newton_point
 from stc.solver.feasible_start import feasible_first
 from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.outcome import End, Outcome, Tactics
+from stc.solver.outcome import SHORT_BUDGET, End, Outcome, Tactics
 from stc.solver.projection_kernels import ACCURATE
 from stc.solver.report import Start
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.scaled_problem import NEARBY, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 
 __all__ = ["Strategies"]
-
-NEARBY = 0.1
-QUADRATIC_STEPS = 3
-NEIGHBOUR_STEPS, PATIENCE = 8, 2
-FEWER = 2
-"""Brief restorations of the later attempts."""
-SHORT_PATH = 100
-"""Iterations of the free choice from a neighbour's solution."""
-CLOSE = 0.1
-"""The violation allowed on the way from a feasible point."""
 
 
 class Strategies:
@@ -51,7 +41,7 @@ class Strategies:
         if start.bound_multipliers is not None:
             z = form.scaled_bound_multipliers(start.bound_multipliers)
         if not trusting:
-            outcome = self._by_newton(form, x, y, NEIGHBOUR_STEPS, PATIENCE)
+            outcome = self._by_newton(form, x, y, PATIENCE)
             if outcome is not None:
                 return outcome
             if not form.gaps:  # no other active set to be found
@@ -62,7 +52,7 @@ class Strategies:
         it = warm_iterate(form, x, y)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it, minimum=minimum)
-        free = replace(tactics, budget=min(tactics.budget, SHORT_PATH))
+        free = replace(tactics, budget=min(tactics.budget, SHORT_BUDGET))
         outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=free)
         left = self.monitor.limit - self.monitor.iterations
         if outcome.end is End.CONVERGED or not (outcome.early and form.gaps and tactics.patient and left > 0):
@@ -100,16 +90,12 @@ class Strategies:
                     0.0, 0.0, "active-set",
                 )  # fmt: skip
                 return outcome
-        return self._by_newton(form, x, y, QUADRATIC_STEPS)
+        return self._by_newton(form, x, y)
 
-    def _by_newton(
-        self, form: ScaledProblem, x: Floats, y: Floats, steps: int, patience: int = 0
-    ) -> Outcome | None:
+    def _by_newton(self, form: ScaledProblem, x: Floats, y: Floats, patience: int = 0) -> Outcome | None:
         """The solution that Newton's method on the active set finds from ``(x, y)``, scaled; None where it does not."""
         tolerance = self.options.tolerance
-        point, solved = newton_on_active_set(
-            form, x, y, self.monitor, steps=steps, tolerance=tolerance, patience=patience
-        )
+        point, solved = newton_on_active_set(form, x, y, self.monitor, tolerance=tolerance, patience=patience)
         if point is None or not solved:
             return None
         x, y, minimum = point.x.copy(), point.y.copy(), bends_upwards(form)
@@ -135,12 +121,12 @@ class Strategies:
     def perturbed(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome:
         """Start a little off, with patience."""
         moved = self._perturbed(form, x0, NEARBY)
-        tactics = Tactics(budget=self.options.max_iterations, brief_restorations=FEWER)
+        tactics = Tactics(budget=self.options.max_iterations)
         return self.barrier(form, moved, tactics)
 
     def from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
         """Start at a feasible point ``x`` (n,), and do not leave the rows far behind."""
-        return self.barrier(form, x, Tactics(largest_theta=CLOSE))
+        return self.barrier(form, x, Tactics(largest_theta=NEARBY))
 
     def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
         """A start near ``x0``, moved at random by a fraction of each variable's size."""

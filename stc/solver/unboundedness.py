@@ -10,25 +10,19 @@ import numpy as np
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
-from stc.solver.products import term_sums
+from stc.solver.outcome import ACCEPTABLE, SHORT_BUDGET
+from stc.solver.products import ROUGHLY, term_sums
 from stc.solver.report import IterationRecord
-from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.scaled_problem import WEAK, ScaledProblem
 
 __all__ = ["LOW", "falling_to", "is_unbounded"]
 
 FAR = 1e7
-LOW = -1e20
+TOO_FAR = 1e20
+LOW = -TOO_FAR
 """An objective below any sensible value."""
-RAY = (10.0, 100.0, 1000.0)
-FEASIBLE = 1e-6
-RELATIVE = 1e-12
-"""Of the size of the terms of a row: what may be missing there for rounding, with a margin."""
-SMALL = 1e-4
-LONG, QUARTERS = 60, 5
-"""Iterations of an attempt that is looked at, and at how many points of it."""
-FAR_DOWN, EVENLY = 10.0, 0.05
-"""How far an objective falls that nothing may bound, as a multiple of its size at first, and by which share of what it
-has fallen it goes on in each quarter."""
+RAY = 10.0
+"""How many times farther a point is tried, and farther again."""
 
 
 def is_unbounded(form: Formulation, it: Iterate, farthest: float) -> bool:
@@ -51,14 +45,14 @@ def is_unbounded(form: Formulation, it: Iterate, farthest: float) -> bool:
     if not _feasible(form, x, it.r):
         return False
     # Small variables may have to stay; or they may belong to what grows, as the first frames of a motion do.
-    large = np.where(np.abs(x) > SMALL * size, x, 0.0)
+    large = np.where(np.abs(x) > WEAK * size, x, 0.0)
     return _falls(form, it, large) or _falls(form, it, x.copy())
 
 
 def _falls(form: ScaledProblem, it: Iterate, direction: Floats) -> bool:
     """Whether the objective keeps falling along a ray of feasible points from a far iterate."""
     x, last = it.w[: form.n], it.f
-    for factor in RAY:
+    for factor in (RAY, RAY**2, RAY**3):
         beyond = x + (factor - 1.0) * direction
         f, r = form.values(beyond)
         if not np.isfinite(f) or f > last - 0.5 * abs(last) or not _feasible(form, beyond, r):
@@ -75,7 +69,7 @@ def _feasible(form: ScaledProblem, x: Floats, r: Floats) -> bool:
     x_lower, x_upper = form.true_x
     off_x = np.maximum(np.maximum(x_lower - x, x - x_upper), 0.0)
     return bool(
-        np.all(off <= FEASIBLE + RELATIVE * size) and np.all(off_x <= FEASIBLE + RELATIVE * np.abs(x))
+        np.all(off <= ACCEPTABLE + ROUGHLY * size) and np.all(off_x <= ACCEPTABLE + ROUGHLY * np.abs(x))
     )
 
 
@@ -87,13 +81,11 @@ def falling_to(history: Sequence[IterationRecord]) -> float | None:
     starts = [k for k, record in enumerate(history) if record.step_length == 0.0 and record.step == 0.0]
     lowest: float | None = None
     for begin, end in itertools.pairwise([*starts, len(history)]):
-        if end - begin < LONG or history[begin].phase != "barrier":
+        if end - begin < SHORT_BUDGET or history[begin].phase != "barrier":
             continue
-        f = [history[k].objective for k in np.linspace(begin, end - 1, QUARTERS).astype(int)]
+        f = [history[k].objective for k in np.linspace(begin, end - 1, 5).astype(int)]
         fall = f[0] - f[-1]
-        steadily = all(
-            f[0] - later >= (1.0 + EVENLY) * (f[0] - before) for before, later in itertools.pairwise(f)
-        )
-        if fall > FAR_DOWN * max(1.0, abs(f[0])) and steadily:
+        steadily = all(later < before for before, later in itertools.pairwise(f))
+        if fall > RAY * max(1.0, abs(f[0])) and steadily:
             lowest = f[-1] if lowest is None else min(lowest, f[-1])
     return lowest

@@ -11,24 +11,17 @@ from functools import partial
 
 import numpy as np
 
+from stc.solver.active_set import PATIENCE, STEPS
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS
+from stc.solver.filter_line_search import HALF
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.primal_dual import PrimalDual, measure
+from stc.solver.projection_kernels import ACCURATE
 from stc.solver.quadratic import QuadraticProgram, QuadraticSolution, guess_from_multipliers
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["from_neighbour"]
-
-STEPS = 12
-PATIENCE = 2
-"""How many steps in all may fail to reduce the error."""
-REDUCTION = 0.5
-FARTHEST = 1e3
-"""A step that makes the error this many times larger than the smallest one ends the attempt."""
-DEPENDENT = 1
-"""The shift for dependent rows; the one after it, of the Hessian, slows the next steps down and is tried anew."""
-EXACT = 0.1
-"""Quadratic programs are solved to this share of the tolerance."""
 
 
 def from_neighbour(
@@ -52,13 +45,14 @@ def from_neighbour(
     smallest, patience = point.error, PATIENCE
     regularity = 0
     for _ in range(STEPS):
-        program = QuadraticProgram(form, point, EXACT * tolerance, regularity, monitor.check_time)
+        program = QuadraticProgram(form, point, ACCURATE * tolerance, regularity, monitor.check_time)
         found = program.solve(active)
-        regularity = min(program.regularity, DEPENDENT)
+        # The shift of the Hessian slows the next steps down, and is tried anew.
+        regularity = min(program.regularity, AGAINST_DEPENDENT_ROWS)
         if found is None:
             return None, False
         active = found.active
-        new = _moved(form, point, program, found, EXACT * tolerance)
+        new = _moved(form, point, program, found, ACCURATE * tolerance)
         if new is None:
             return None, False
         monitor.count()
@@ -68,10 +62,10 @@ def from_neighbour(
             partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step, 1.0, 0.0, 0.0, "warm"
         )
         if new.error <= tolerance:
-            return new, program.regularity <= DEPENDENT
-        if new.error > REDUCTION * smallest:
+            return new, program.regularity <= AGAINST_DEPENDENT_ROWS
+        if new.error > HALF * smallest:
             patience -= 1
-            if patience < 0 or new.error > FARTHEST * smallest:
+            if patience < 0:
                 return None, False
         smallest = min(smallest, new.error)
         point = new

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.codegen.calls import Bound, CallTable, chain
+from stc.core.calls import Bound, CallTable, chain
 from stc.solver import kernels, state, step_kernels
+from stc.solver.barrier_update import SMALLEST_TAU
 from stc.solver.filter import Filter
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Errors, Iterate
 from stc.solver.nlp import Floats
+from stc.solver.products import EPSILON
 from stc.solver.state import (
     DUAL_ERROR,
     GAP_ERROR,
@@ -42,11 +44,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Step", "Workspace", "workspace_of"]
 
-SMALLEST_SIGMA = 1e-16
-#: The centring parameters to choose from, and the smallest fraction of the way to the bounds that goes with them; the
+#: The centring parameters to choose from; the
 #: fraction of a step below which bounds are in its way, where there are many.
 CENTRING = np.array([1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0])
-SMALLEST_TAU = 0.99
 SHORT = 0.2
 #: Iterations at most that are made in a row.
 LONGEST_RUN = 16
@@ -204,7 +204,7 @@ class Workspace:
         self.diagonals_call = chain(
             [
                 step_kernels.diagonals.bind(
-                    n, m, gaps, index, free, kind, extra, SMALLEST_SIGMA, it.z, it.gap, self.ratio, self.sigma,
+                    n, m, gaps, index, free, kind, extra, EPSILON, it.z, it.gap, self.ratio, self.sigma,
                     self.primal, self.d,
                 ),
                 kernels.copy.bind(curved, ev.hess, kkt.hess),

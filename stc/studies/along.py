@@ -1,4 +1,4 @@
-"""A spec's equations of motion against its model's where a motion goes."""
+"""Comparison of a spec's equations of motion with its model's, at states along a motion."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from stc.studies.equations import check_equations
 def equations_along(motion: Solution, model: str) -> EquationReport:
     """Compare equations of motion at positions and velocities from the ranges of a motion.
 
-    Equations that hold only there (a body that stays flat, a spring that is never slack) are right.  What differs there
-    is told in the order, and with the numbers, of states from everywhere: they tell a cause from what comes of it best.
+    Equations that hold only there (a body that stays flat, a spring that is never slack) are accepted.  Differences are
+    reported with the values, and in the order, of a comparison at states from everywhere, which shows causes best.
 
     Args:
         motion: the solution.

@@ -1,7 +1,7 @@
-"""Why a solve did not end optimal, in the spec's own words.
+"""The statements that cause a solve not to end optimal.
 
-Infeasible: the statements that cannot hold together, each needed for the conflict, with the frame and the amount
-of its residual.  Ended early or stuck: the statements, frames and values that stand out.
+For an infeasible spec: the statements that contradict each other, each with the frame and the amount of its violation.
+ For a solve that ended early or failed: the statements, frames and values with the largest errors.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.language.statements import statement_text
-from stc.language.syntax import Node
+from stc.language.syntax import Node, statement_text
 from stc.problem import ConstantRef, ParameterRef
 from stc.records import dataclass, field
 from stc.solver.convexity import is_convex
@@ -43,16 +42,15 @@ LONGEST = 70
 
 @dataclass(frozen=True, slots=True)
 class Culprit:
-    """A statement that takes part in what went wrong.
+    """A statement that contributes to the failure.
 
     Attributes:
         kind: ``conflict``, ``residual``, ``dependent`` or ``undefined``.
         statement: its text; in words for a row of the transcription itself.
-        file, line, column: where it stands; "" and 0 for the transcription's rows.
-        frame: the frame that stands out, a half more at midpoints; None in a problem without frames.
-        side: ``before`` or ``after`` where that frame jumps.
-        residual: by how much it is missed there, in its own units: positive above, negative below; None where that
-            is not the point.
+        file, line, column: its position; "" and 0 for the transcription's rows.
+        frame: the frame with the largest error, plus one half at midpoints; None in a problem without frames.
+        side: ``before`` or ``after`` if that frame has a jump.
+        residual: its violation there, in its own units: positive above, negative below; None if that does not apply.
         text: all of this in one line, as people read it.
     """
 
@@ -69,15 +67,15 @@ class Culprit:
 
 @dataclass(frozen=True, slots=True)
 class Blame:
-    """What is to blame.
+    """The causes of a failure.
 
     Attributes:
         status: how the solve ended.
         summary: one or two sentences.
         culprits: the statements, those of a conflict first.
-        minimal: for a conflict, whether leaving out any one statement lets the others hold; None without one.
-        solves: feasibility problems solved to find out.
-        seconds: that it took.
+        minimal: for a conflict, whether without any one statement the others can hold; None without one.
+        solves: number of feasibility problems solved.
+        seconds: time of the search.
     """
 
     status: str
@@ -99,11 +97,11 @@ class Blame:
 
 
 def blame(model: Model, solution: Solution, time_limit: float = 10.0) -> Blame | None:
-    """Says why a solve of ``model`` ended as ``solution`` did.
+    """The statements that caused a solve of ``model`` to end as ``solution`` did.
 
     Args:
         model: the spec.
-        solution: what solving it gave.
+        solution: its solution.
         time_limit: seconds that the search for a minimal conflict may take.
 
     Returns:
@@ -130,7 +128,7 @@ def blame(model: Model, solution: Solution, time_limit: float = 10.0) -> Blame |
 
 
 class _Search:
-    """Looks at one failed solve."""
+    """The analysis of one failed solve."""
 
     def __init__(self, ownership: Ownership, bound: BoundProgram, solution: Solution) -> None:
         self.ownership, self.bound, self.solution = ownership, bound, solution
@@ -150,8 +148,8 @@ class _Search:
             if conflict is not None:
                 return Blame(
                     "",
-                    "All statements can hold together: a point that meets them was found with the objective left "
-                    "aside. Try another guess.",
+                    "All statements can hold together: a point that satisfies them was found without the "
+                    "objective. Try another guess.",
                     solves=conflict.solves,
                 )
         return self._standouts()
@@ -184,18 +182,18 @@ class _Search:
         near = "" if is_convex(self.bound) else ", at least near here"
         several = f"These {len(culprits)} statements cannot hold together{near}"
         if len(culprits) == 1:
-            summary = f"This statement cannot hold{near}, whatever the others say:"
+            summary = f"This statement cannot hold{near}, whatever the other statements are:"
         elif conflict.minimal:
             summary = f"{several}; without any one of them the others can:"
         else:
             summary = (
-                f"{several}; time was too short to tell which of them are needed for that. Those that pull hardest "
-                "come first:"
+                f"{several}; there was no time to find which of them are needed for that. The most "
+                "influential come first:"
             )
         return Blame("", summary, culprits, conflict.minimal, conflict.solves)
 
     def _conflicting(self, relation: int, lack: Relaxation | None, others: bool) -> Culprit:
-        """A statement of a conflict with what it lacks when the others hold, if there are others."""
+        """A statement of a conflict with its violation if the others hold, if there are others."""
         if lack is None:
             return self._culprit("conflict", relation, None, None, "")
         keys = symbols(self.problem.relations[relation].body)
@@ -211,20 +209,20 @@ class _Search:
         culprits, parts = [], []
         undefined = undefined_nearby(self.bound, self.x)
         if len(undefined):
-            parts.append("close to the last point these statements have no value or no slope")
+            parts.append("close to the last point these statements are undefined or not differentiable")
             culprits += [
                 self._row_culprit("undefined", int(row), None, "") for row in self._first_of_each(undefined)
             ]
         large = largest_residuals(self.bound, self.x)
         if large:
-            parts.append("these are missed most")
+            parts.append("the largest violations are")
             residuals = dict(large)
             for row in self._first_of_each(np.array([row for row, _ in large])):
                 off = residuals[int(row)]
                 culprits.append(self._row_culprit("residual", int(row), off, f"misses by {abs(off):.4g}"))
         dependent = dependent_rows(self.bound, self.x)
         if len(dependent):
-            parts.append("these depend on each other there, so that they cannot be told apart")
+            parts.append("these statements are linearly dependent there")
             culprits += [
                 self._row_culprit("dependent", int(row), None, "") for row in self._first_of_each(dependent)
             ]
@@ -236,7 +234,7 @@ class _Search:
         return Blame("", f"{summary[0].upper()}{summary[1:]}:", culprits)
 
     def _first_of_each(self, rows: Any) -> list[int]:
-        """The first row of every statement, in the order given, a handful of them."""
+        """The first row of each of a few statements, in the order given."""
         seen: dict[object, int] = {}
         for row in rows:
             owner = int(self.ownership.row_owner[row])
@@ -248,7 +246,7 @@ class _Search:
         place = self.ownership.place(row) if self.problem.n else None
         if owner == LINK:
             name = self.ownership.label(row).removeprefix("link of ")
-            rule = f"the method's rule that leads from {name} by {name}' to the next frame"
+            rule = f"the method's equation for {name}' between neighbouring frames"
             return self._written(kind, rule, "", 0, 0, place, residual, note)
         return self._culprit(kind, owner, place, residual, note)
 
@@ -278,12 +276,14 @@ class _Search:
         note: str,
         cause: str = "",
     ) -> Culprit:
-        """A culprit with its line of text; ``cause`` is the statement that it is written out from, if there is one."""
+        """A statement with its line of text; ``cause`` is the statement from which it was generated, if there is
+        one.
+        """
         short = _shortened(statement)
         head = f"{file}:{line}:{column}: `{short}`" if file else f"({short})"
         head += f" (from `{_shortened(cause)}`)" if cause else ""
         if kind in ("undefined", "dependent"):
-            note = {"undefined": "undefined or without slope", "dependent": "dependent"}[kind]
+            note = {"undefined": "undefined or not differentiable", "dependent": "dependent"}[kind]
         tail = " ".join(part for part in (note, f"at {place}" if place is not None else "") if part)
         frame, side = (None, "") if place is None else (place.frame, place.side)
         text = f"{head} {tail}".rstrip()

@@ -24,15 +24,14 @@ __all__ = ["Run", "compare"]
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What one optimizer found.
+    """The result of one optimizer.
 
     Attributes:
         optimizer: its name.
-        status: as in a solution, or ``refused`` where the optimizer cannot do what the problem needs, or ``skipped``
-            where it was left out.
+        status: as in a solution, or ``refused`` if the optimizer cannot handle the problem, or ``skipped``.
         message: the same in words.
         objective, violation, optimality: judged in the same way for all, in the spec's own units.
-        iterations: what the optimizer counts as such.
+        iterations: as the optimizer counts them.
         evaluations: evaluations of objective and constraints together, those for judging points included.
         derivatives: evaluations of the derivatives.
         seconds: wall time of the solve; reading and compiling are not in it.
@@ -68,23 +67,23 @@ def compare(
     skip_slow: bool = False,
     **constants: float,
 ) -> list[Run]:
-    """Solves a model with each optimizer, from the same start; each has the limits to itself.
+    """Solve a model with each optimizer, from the same start and with the full limits for each.
 
     Args:
         model: the spec.
         optimizers: names as :func:`stc.optimizers.optimizer_of` takes them.
         method: of transcription instead of the spec's own.
         tolerance, max_iterations, time_limit, callback: as for :meth:`stc.pipeline.Model.solve`.
-        announce: told before each solve the optimizer's name, which one it is, from 1, and of how many.
-        on_run: told of each record as it is there.
-        skip_slow: leave out optimizers of whose steps a single one may take minutes on a problem of this size.
+        announce: called before each solve with the optimizer's name, its number from 1, and the number of optimizers.
+        on_run: called with each record as soon as it is known.
+        skip_slow: whether to skip optimizers whose single steps may take minutes on a problem of this size.
         **constants: values of constants.
 
     Returns:
         One record per optimizer, in the same order; none for those after one that was interrupted.
 
     Raises:
-        UsageError: no optimizer, or one that does not exist; a tolerance or limit that cannot be meant.
+        UsageError: no optimizer, or an unknown one; an invalid tolerance or limit.
         SpecError, EvaluationError: mistakes in the spec.
     """
     if not optimizers:
@@ -119,7 +118,7 @@ def _run(
     callback: Callable[[Any], bool | None] | None,
     name: str,
 ) -> Run:
-    """What one optimizer finds."""
+    """The result of one optimizer."""
     begin = time.perf_counter()
     try:
         bound, result = solve(transcription, problem.constants, options, None, callback, name)

@@ -1,11 +1,11 @@
-"""Which kind of stationary point a solution with complementary pairs is, and where both sides of a pair are nothing.
+"""The kind of stationary point of a solution with complementary pairs, and the frames where both sides are zero.
 
 With multipliers ``u`` and ``v`` of ``a = 0`` and ``b = 0`` in the program where each is an equation, a point is
-strongly stationary if both are at least 0 wherever both sides are nothing, M-stationary if both are or one is 0,
+strongly stationary if both are at least 0 wherever both sides are zero, M-stationary if both are or one is 0,
 and C-stationary if their product is at least 0 (H. Scheel and S. Scholtes, Mathematical programs with complementarity
 constraints: stationarity, optimality, and sensitivity, Math. Oper. Res. 25, 2000).  Strongly stationary points are
-B-stationary: no direction in which the statements hold, linearised, lowers the objective.  For others that is asked of
-each way to choose sides, by a linear program.
+B-stationary: no direction in which the statements hold, linearised, lowers the objective.  For other points this is
+tested for each choice of sides, by a linear program.
 """
 
 from __future__ import annotations
@@ -32,21 +32,23 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.integer]
 
 NOTHING = 1e-5
-"""A side counts as nothing below this; an order of magnitude above what is left where multipliers have no limit."""
+"""A side below this counts as 0. It is ten times the remainder where multipliers are unbounded."""
 CLOSE = 1e-6
 SIGN = 1e-4
-"""Multipliers within this share of the largest one count as 0; so do descents within it of the largest slope."""
+"""Multipliers below this share of the largest one count as 0, and so do descents below this share of the largest
+slope.
+"""
 MOST_SIDES, MOST_UNKNOWNS = 8, 20_000
-"""For choosing sides one way and the other at so many pairs at most."""
+"""Largest numbers of pairs and of unknowns for which both choices of sides are tried."""
 
 
 @dataclass(frozen=True, slots=True)
 class Degenerate:
-    """Where both sides of a pair are nothing.
+    """The frames at which both sides of a pair are zero.
 
     Attributes:
-        statement, place: its text, and where it stands.
-        frames: frame indices, a half more at midpoints; none in a problem without frames.
+        statement, place: its text and position.
+        frames: frame indices, plus one half at midpoints; empty in a problem without frames.
     """
 
     statement: str
@@ -60,14 +62,14 @@ class Degenerate:
 
 @dataclass(frozen=True, slots=True)
 class Complementarity:
-    """How well the pairs of a solution are complementary.
+    """The residual and stationarity of the complementary pairs of a solution.
 
     Attributes:
-        pairs: how many there are.
+        pairs: number of pairs.
         residual: the largest of the smaller sides, relative to max(1, larger side).
         stationarity: ``"strong"``, ``"M"``, ``"C"`` or ``"weak"``.
-        b_stationary: whether no direction lowers the objective to first order; None where that is not known.
-        degenerate: the statements both of whose sides are nothing somewhere.
+        b_stationary: whether no direction lowers the objective to first order; None if it is not known.
+        degenerate: the statements of which both sides are zero somewhere.
     """
 
     pairs: int
@@ -92,12 +94,12 @@ class Complementarity:
         pairs = "1 complementary pair" if self.pairs == 1 else f"{self.pairs} complementary pairs"
         text = f"{pairs} within {self.residual:.1g}: {kind}, {also}"
         return text + (
-            "; both sides are nothing in " + ", ".join(map(str, self.degenerate)) if self.degenerate else ""
+            "; both sides are zero in " + ", ".join(map(str, self.degenerate)) if self.degenerate else ""
         )
 
 
 def complementarity(solution: Solution) -> Complementarity | None:
-    """What the pairs of an optimal solution come to; None where it has none, or is not optimal.
+    """The residual and stationarity of the pairs of an optimal solution; None if it has none, or is not optimal.
 
     Raises:
         SpecError: the text is not a spec.
@@ -132,7 +134,9 @@ def complementarity(solution: Solution) -> Complementarity | None:
 
 
 def _side_multipliers(bound: BoundProgram, pairs: Pairs, spare: FloatArray, solution: Solution) -> FloatArray:
-    """Those of the equations ``a = 0`` and ``b = 0``, (k, 2): what their bounds push, less what the products pull."""
+    """The multipliers of the equations ``a = 0`` and ``b = 0``, (k, 2): those of the bounds minus the products'
+    part.
+    """
     given = np.concatenate([solution.bound_multipliers, solution.row_multipliers])
     pulls = np.zeros(len(given))
     weight = solution.row_multipliers[pairs.product]
@@ -142,7 +146,7 @@ def _side_multipliers(bound: BoundProgram, pairs: Pairs, spare: FloatArray, solu
 
 
 def _kind(pushes: FloatArray, tolerance: float) -> str:
-    """The kind of stationary point, for multipliers (k, 2) of pairs both of whose sides are nothing."""
+    """The kind of stationary point, for multipliers (k, 2) of pairs with both sides zero."""
     some = np.abs(pushes) > tolerance
     negative = some & (pushes < 0.0)
     if not negative.any():
@@ -156,7 +160,7 @@ def _kind(pushes: FloatArray, tolerance: float) -> str:
 def _is_b_stationary(
     bound: BoundProgram, pairs: Pairs, spare: FloatArray, x: FloatArray, rows: FloatArray
 ) -> bool | None:
-    """Whether no direction lowers the objective, whichever sides are chosen; None where that takes too many tries."""
+    """Whether no direction lowers the objective, whichever sides are chosen; None if there are too many choices."""
     open_ = np.flatnonzero((spare <= NOTHING).all(axis=1))
     if open_.size > MOST_SIDES or bound.n > MOST_UNKNOWNS:
         return None

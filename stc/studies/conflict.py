@@ -1,13 +1,13 @@
-"""A minimal set of statements that cannot hold together.
+"""A minimal set of statements that contradict each other.
 
-The deletion filter (J. W. Chinneck, Feasibility and Infeasibility in Optimization, 2008): leave one statement
-after the other out, for good if the rest is infeasible still.  What remains is irreducible: without any one of
-its statements the others can hold.  The multipliers of the violation's minimum tell beforehand which statements
-take no part, so that few have to be tried.  For nonlinear statements "infeasible" is what the solver finds
-from the starts that it is given, here as everywhere.
+The deletion filter (J. W. Chinneck, Feasibility and Infeasibility in Optimization, 2008) removes one statement after
+the other, permanently if the rest is still infeasible.  The remaining set is irreducible: without any one of its
+statements the others can hold.  The multipliers of the violation's minimum show beforehand which statements have no
+influence, so that few must be tried.  For nonlinear statements "infeasible" means that the solver finds no point from
+its starts.
 
-What remains is put to the test: how far does each statement have to give way for the others to hold?  Where the answer
-is a point that meets all of them, they are no conflict, and the search goes on from that point.
+Finally, the result is tested: by how much must each statement be relaxed for the others to hold?  If this finds a point
+that satisfies all of them, there is no conflict, and the search continues from that point.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ NEGLIGIBLE = 1e-5
 CLOSE = 1e-4
 QUICK_ITERATIONS, ITERATIONS = 100, 500
 REVISIONS = 4
-"""Sets of statements that may turn out to be no conflict before the search is given up."""
+"""Number of sets of statements without a conflict after which the search ends."""
 TESTING = 0.5
-"""Share of the time limit that is added for the test of what was found."""
+"""Share of the time limit that is added for testing the result."""
 
 
 @dataclass(frozen=True, slots=True)
 class Conflict:
-    """Statements that cannot hold together.
+    """Statements that contradict each other.
 
     Attributes:
-        relations: indices into ``Problem.relations``, those that pull hardest first; none where all statements can hold
+        relations: indices into ``Problem.relations``, the most influential first; empty if all statements can hold
             together after all.
-        minimal: whether it is certain that each is needed; False when time ran out or a test said nothing.
-        x: (N,) where they are violated least, as far as the solver can tell; or a point that meets all.
-        weights: (M,) multipliers of the rows there: which of them pull, and which way.
-        solves: feasibility problems that were solved.
-        lacks: for each of the relations, how far it misses when the others hold; None where that was not found.
+        minimal: whether each is certainly needed; False if time ran out or a test was inconclusive.
+        x: (N,) the point of least violation that the solver found; or a point that satisfies all.
+        weights: (M,) multipliers of the rows there.
+        solves: number of feasibility problems solved.
+        lacks: for each of the relations, its violation if the others hold; None if that was not found.
     """
 
     relations: tuple[int, ...]
@@ -63,14 +63,14 @@ class Conflict:
 
 @dataclass(frozen=True, slots=True)
 class _Least:
-    """Where some statements are violated least: the point (N,) and the multipliers of the rows (M,)."""
+    """The point of least violation of some statements (N,), with the multipliers of the rows (M,)."""
 
     x: FloatArray
     y: FloatArray
 
 
 class _Filter:
-    """Tells which statements can hold together, and remembers where they are violated least."""
+    """Tests whether statements can hold together, and caches their points of least violation."""
 
     def __init__(
         self, bound: BoundProgram, ownership: Ownership, starts: list[FloatArray], time_limit: float
@@ -84,7 +84,7 @@ class _Filter:
         self.met: dict[frozenset[int], FloatArray] = {}
 
     def infeasible(self, kept: set[int]) -> bool | None:
-        """Whether statements cannot hold together; None where the solver could not tell."""
+        """Whether statements contradict each other; None if the solver could not decide."""
         problem = FeasibilityProblem(self.bound, self.ownership, kept)
         if len(problem.crossed):
             return True
@@ -110,7 +110,7 @@ class _Filter:
         return True
 
     def hold(self, kept: set[int], x: FloatArray) -> bool:
-        """Whether a point meets all of these statements."""
+        """Whether a point satisfies all of these statements."""
         return self._meets(FeasibilityProblem(self.bound, self.ownership, kept), x)
 
     def _meets(self, problem: FeasibilityProblem, x: FloatArray) -> bool:
@@ -128,14 +128,14 @@ class _Filter:
         return Options(max_iterations=iterations, time_limit=left, retries=0)
 
     def _holds(self, problem: FeasibilityProblem, x: FloatArray) -> bool:
-        """Whether a quick solve from ``x`` meets all statements."""
+        """Whether a quick solve from ``x`` satisfies all statements."""
         options = self._options(QUICK_ITERATIONS)
         if options is None or not np.isfinite(problem.values(x)[1]).all():
             return False
         return self._meets(problem, minimize(problem, options, start=Start(x)).x)
 
     def _relaxed(self, problem: FeasibilityProblem, x: FloatArray) -> _Least | None:
-        """Where elastic rows lead from ``x``."""
+        """The solution of the elastic program from ``x``."""
         options = self._options(ITERATIONS)
         if options is None or not np.isfinite(problem.values(x)[1]).all():
             return None
@@ -153,17 +153,17 @@ def find_conflict(
     row_multipliers: FloatArray,
     time_limit: float = 10.0,
 ) -> Conflict | None:
-    """The statements to blame for infeasibility.
+    """The statements that cause infeasibility.
 
     Args:
         bound: the infeasible program.
         ownership: its rows and bounds by statement.
-        x: (N,) where a solve ended.
+        x: (N,) the final point of a solve.
         row_multipliers: (M,) of that solve: the certificate if it ended infeasible.
-        time_limit: seconds for all feasibility problems together; half as many more for the test of what was found.
+        time_limit: seconds for all feasibility problems together; half as many more for the final test.
 
     Returns:
-        The conflict, or None where nothing could be told in time.
+        The conflict, or None if there was no result in time.
     """
     with np.errstate(all="ignore"):
         return _find(bound, ownership, x, row_multipliers, time_limit)
@@ -191,7 +191,9 @@ def _find(
 
 
 def _tested(search: _Filter, found: Conflict, deadline: float) -> Conflict:
-    """A conflict with what each statement lacks; without where a point meets all, which is ``search.feasible`` then."""
+    """A conflict with the relaxation that each statement needs; without it if a point satisfies all, which is then
+    ``search.feasible``.
+    """
     lacks: list[Relaxation | None] = []
     relations = set(found.relations)
     for k, relation in enumerate(found.relations):
@@ -211,7 +213,7 @@ def _tested(search: _Filter, found: Conflict, deadline: float) -> Conflict:
 
 
 def _filtered(search: _Filter, x: FloatArray, y: FloatArray) -> Conflict | None:
-    """What the deletion filter leaves."""
+    """The result of the deletion filter."""
     bound, ownership = search.bound, search.ownership
     whole = set(ownership.relations)
     weight = _weights(bound, ownership, x, y)
@@ -243,7 +245,9 @@ def _filtered(search: _Filter, x: FloatArray, y: FloatArray) -> Conflict | None:
 
 
 def _without_idle(search: _Filter, needed: set[int], certain: set[int]) -> set[int]:
-    """The same without all the statements at once that do not pull where they are violated least, if those can go."""
+    """The statements without all those that have no influence at the least violation, if these can be removed
+    together.
+    """
     weight = _weights_of(search, needed, {})
     if not weight:
         return needed
@@ -253,13 +257,13 @@ def _without_idle(search: _Filter, needed: set[int], certain: set[int]) -> set[i
 
 
 def _weights_of(search: _Filter, kept: set[int], otherwise: dict[int, float]) -> dict[int, float]:
-    """How hard statements pull at the least violation of these, where that is known."""
+    """The influence of statements at their least violation, if it is known."""
     least = search.least.get(frozenset(kept))
     return otherwise if least is None else _weights(search.bound, search.ownership, least.x, least.y)
 
 
 def _least_violation(search: _Filter, needed: set[int], x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where the conflicting statements alone are violated least, and what the rows weigh there."""
+    """The point of least violation of the conflicting statements alone, and the weights of the rows there."""
     key = frozenset(needed)
     if key not in search.least:
         search.infeasible(needed)
@@ -271,7 +275,7 @@ def _least_violation(search: _Filter, needed: set[int], x: FloatArray) -> tuple[
 
 
 def _weights(bound: BoundProgram, ownership: Ownership, x: FloatArray, y: FloatArray) -> dict[int, float]:
-    """How hard each statement pulls at the minimum of the violation; rows by multiplier, bounds by what they hold."""
+    """The influence of each statement at the minimum of the violation, from multipliers of rows and bounds."""
     weight: dict[int, float] = {}
     if not np.isfinite(x).all() or not np.isfinite(y).all():
         return weight

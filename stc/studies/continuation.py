@@ -1,4 +1,4 @@
-"""Continuation: walk a constant from where the problem is easy to where it is wanted.
+"""Continuation: change a constant step by step, from an easy problem to the desired one.
 
 Every solve starts from the one before, with its multipliers and active set.  When one fails the step is halved;
 after successes it grows back (the usual step-length rule of predictor-corrector methods: E. L. Allgower and
@@ -30,12 +30,16 @@ SUCCESSES = 2
 
 @dataclass(frozen=True, slots=True)
 class ContinuationStep:
-    """One solve of the walk.
+    """One solve of a continuation.
 
-    Attributes:
-        value: of the constant.
-        status: how the solve ended.
-        objective, iterations, factorizations: of the solve.
+    Attributes
+    ----------
+    value : float
+        Value of the constant.
+    status : str
+        Status of the solve.
+    objective, iterations, factorizations
+        Results of the solve.
     """
 
     value: float
@@ -47,16 +51,24 @@ class ContinuationStep:
 
 @dataclass(slots=True)
 class Continuation:
-    """A walk.
+    """The result of a continuation.
 
-    Attributes:
-        name: of the constant.
-        first, last: where the walk starts and where it was to end.
-        steps: every solve, failed ones included, in order.
-        solution: the last optimal solution; of the first solve where that failed already.
-        value: the constant's value there.
-        effort: of all solves.
-        message: why the walk stopped early; empty where it arrived.
+    Attributes
+    ----------
+    name : str
+        Name of the constant.
+    first, last : float
+        The first and the desired last value.
+    steps : list[ContinuationStep]
+        Every solve in order, including failed ones.
+    solution : Solution | None
+        The last optimal solution; that of the first solve if it failed.
+    value : float
+        The constant's value there.
+    effort : Effort
+        Totals of all solves.
+    message : str
+        Why the continuation stopped early; empty if it reached the last value.
     """
 
     name: str
@@ -75,11 +87,11 @@ class Continuation:
 
     @property
     def status(self) -> str:
-        """``optimal`` where the walk arrived, else how the solve ended that stopped it."""
+        """``optimal`` if the last value was reached, else the status of the solve that stopped it."""
         return self.steps[-1].status if self.steps else "failed"
 
     def to_dict(self) -> dict[str, Any]:
-        """The walk as JSON takes it."""
+        """The continuation for JSON."""
         return {
             "constant": self.name,
             "first": self.first,
@@ -111,30 +123,47 @@ def continue_to(
     on_step: Callable[[ContinuationStep], None] | None = None,
     **options: Any,
 ) -> Continuation:
-    """Walk a constant from ``first`` to ``last``.
+    """Change a constant in steps from ``first`` to ``last``, each solve starting from the one before.
 
-    Args:
-        model: the spec.
-        name: of the constant.
-        first: where to start; solved from the spec's guess (or what ``options`` say).
-        last: where to arrive.
-        steps: how many steps to take if none fails.
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
-        on_step: told after every solve.
-        **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves together.
+    Parameters
+    ----------
+    model : Model
+        The spec.
+    name : str
+        Name of the constant.
+    first : float
+        First value; solved from the spec's guess (or as ``options`` say).
+    last : float
+        Last value.
+    steps : int
+        Number of steps if none fails; a step that fails is halved.
+    solve : Callable[..., Solution] | None
+        Function to use in place of ``model.solve``, with the same arguments (to watch it).
+    on_step : Callable[[ContinuationStep], None] | None
+        Called with the record of every solve.
+    **options : Any
+        Arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves together.
 
-    Raises:
-        UsageError: no such constant, or no step at all.
-        SpecError: the first or the last value is one that the spec cannot take.
+    Returns
+    -------
+    Continuation
+        The continuation, with its last optimal solution.
+
+    Raises
+    ------
+    UsageError
+        No such constant, or no step.
+    SpecError
+        The first or the last value is not valid in the spec.
     """
     if not isinstance(name, str):
-        raise UsageError(f"a continuation walks a constant, given by its name, not {name!r}")
+        raise UsageError(f"a continuation changes a constant, given by its name, not {name!r}")
     first, last = number(first, f"the first value of {name}"), number(last, f"the last value of {name}")
     steps = whole_number(steps, "the number of steps")
     if steps < 1:
         raise UsageError(f"a continuation takes at least one step, not {steps}")
     if any(value in (inf, -inf) for value in (first, last)):
-        raise UsageError(f"a continuation walks from one number to another, not from {first:g} to {last:g}")
+        raise UsageError(f"a continuation goes from one number to another, not from {first:g} to {last:g}")
     if first == last:
         raise UsageError(f"a continuation from {name} = {first:g} to the same value goes nowhere")
     solve = solve or model.solve
@@ -145,7 +174,7 @@ def continue_to(
     undefined = ""
 
     def whole_near(value: float) -> float:
-        """The whole number near a value of the walk that the spec can take; where none can be, the nearest one."""
+        """The whole number closest to a value that is valid in the spec; if there is none, the closest one."""
         for away in (0, 1, -1, 2, -2):
             near = float(round(value) + away)
             if near == walk.value or not min(first, last) < near < max(first, last):
@@ -186,7 +215,7 @@ def continue_to(
         return None
 
     if attempt(0.0) is None:
-        walk.message = f"the solve with {name} = {first:g} ended {walk.status}; the walk cannot begin"
+        walk.message = f"the solve with {name} = {first:g} ended {walk.status}; the continuation cannot begin"
         return walk
     share, whole, successes = 0.0, 1.0 / steps, 0
     step = whole
@@ -221,7 +250,7 @@ def continue_to(
 def _counts_frames(
     model: Model, name: str, ends: tuple[float, float], method: str | None, constants: dict[str, float]
 ) -> bool:
-    """Whether a constant is one that has to be whole, as far as its two ends tell.
+    """Whether a constant must be a whole number, as far as its first and last value show.
 
     Raises:
         SpecError, UsageError: an end of the walk that the spec cannot take, or no such constant.

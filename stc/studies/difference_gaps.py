@@ -1,4 +1,4 @@
-"""What central differences miss, as wider ones tell that are two orders more accurate."""
+"""The error of central differences, compared with wider ones that are two orders more accurate."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["Gaps", "ends_of_sums", "gaps_of", "moved_rows", "moved_terms"]
 
 @dataclass(frozen=True, slots=True)
 class Gaps:
-    """For every (variable, order) in use: what the wider differences give less the method's own, at the frames. (n+1,)
+    """For every (variable, order) in use: the wider differences minus the method's own, at the frames. (n+1,)
 
     Zero where the wider ones would reach over a frame at which something jumps, begins or ends.
     """
@@ -33,7 +33,7 @@ class Gaps:
     lengths: FloatArray
 
     def by_step(self) -> dict[tuple[str, int], FloatArray]:
-        """What each step misses of the next lower derivative, (n,), of the highest order of each variable."""
+        """The error of the next lower derivative in each step, (n,), for the highest order of each variable."""
         highest = dict(sorted(self.of))  # of each variable the last
         # The motion whose differences meet the equations has derivatives that are off by the gap.
         return {
@@ -70,7 +70,7 @@ def gaps_of(problem: Problem, solution: Solution) -> Gaps:
 
 
 def moved_rows(problem: Problem, solution: Solution, gaps: Gaps) -> float:
-    """What the objective changes by where all rows are written with the wider differences."""
+    """The change of the objective if all rows use the wider differences."""
     total = 0.0
     blocks = {block.label: block for block in solution.multipliers if block.kind == "row"}
     for relation in problem.relations:
@@ -89,7 +89,7 @@ def moved_rows(problem: Problem, solution: Solution, gaps: Gaps) -> float:
 
 
 def moved_terms(problem: Problem, solution: Solution, gaps: Gaps) -> float:
-    """The same for the objective's own terms: integrals by the trapezoid rule, sums as they are."""
+    """The change of the objective if its own terms use the wider differences, with integrals by the trapezoid rule."""
     total = 0.0
     lengths = np.diff(solution.time)
     weights = 0.5 * np.concatenate([[0.0], lengths]) + 0.5 * np.concatenate([lengths, [0.0]])
@@ -102,7 +102,7 @@ def moved_terms(problem: Problem, solution: Solution, gaps: Gaps) -> float:
 
 
 def ends_of_sums(problem: Problem, solution: Solution) -> float:
-    """What sums over the frames that stand for integrals leave of these, at their ends.
+    """The errors at the ends of sums over the frames that stand for integrals.
 
     A plain term with the step `h` as a factor is such a sum.  Over the whole motion it counts half a step too much
     at either end; where it leaves out the ends, half a step too little.
@@ -135,7 +135,7 @@ def ends_of_sums(problem: Problem, solution: Solution) -> float:
 
 
 def _pieces(problem: Problem, first: int, last: int) -> Iterator[tuple[int, int]]:
-    """Stretches of a range on which definitions are one piece each; every frame is in one of them."""
+    """Intervals of a range on which definitions are one piece each; every frame is in one of them."""
     for a, b in [*stretches(problem, ()), (problem.n, problem.n)]:
         low, high = max(a, first), min(max(b - 1, a), last)
         if low <= high:
@@ -151,7 +151,7 @@ def _bodies(problem: Problem) -> Iterator[tuple[Expr, int, int]]:
 
 
 def _moved(solution: Solution, body: Expr, gaps: Gaps, frames: NDArray[np.int_]) -> FloatArray:
-    """How much an expression changes at some frames where its derivatives are the wider differences. (k,)"""
+    """The change of an expression at some frames if its derivatives are the wider differences. (k,)"""
     keys = [key for key in symbols(body) if isinstance(key, VariableRef)]
     mine = [key for key in keys if (key.name, key.order) in gaps.of]
     if not mine or not len(frames) or any((k.scale, k.shift) != (1, 0) for k in keys):

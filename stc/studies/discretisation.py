@@ -1,26 +1,26 @@
-"""How far a discretised motion is from solving its own equations between the frames.
+"""The discretisation error of a motion: how well it satisfies its own equations between the frames.
 
 Two estimates, both without another solve:
 
 *Local errors* of every step.  Under the collocation methods the motion between the nodes is a polynomial, and there
-the equations of motion hold only approximately.  The estimate is where the equations themselves lead from the
-step's left frame, everything else (forces) being what the method's curves say, against where the motion is at its
-right frame: Picard iteration on Gauss points, from the method's own curve, which gains an order of the step each
-time.  (J. T. Betts, Practical methods for optimal control and estimation using nonlinear programming, 2010, section
+the equations of motion hold only approximately.  The estimate integrates the equations from the step's
+left frame, with forces on the method's curves, and compares the result with the motion at the right frame.  The
+integration is Picard iteration on Gauss points, starting from the method's own curve; each iteration gains an order of
+the step.  (J. T. Betts, Practical methods for optimal control and estimation using nonlinear programming, 2010, section
 4.7.4, bounds the same error by the integral of the defect's absolute value; under hermite-simpson that is an order
 too large, since the defect changes its sign at the midpoint.)  Central differences have no polynomial of their own:
 there the differences are compared with those that use two more frames, which are two orders more accurate, and the
-gap is integrated over the step; where a derivative is asked for at a single frame, its gap counts as it is.
+gap is integrated over the step; for a derivative at a single frame, the gap itself counts.
 
-The local errors of a quantity, relative to its size along the motion, are summed over all steps: what they come to
-together where the system neither damps nor multiplies them.  (The largest one alone, which is usual, is smaller by
-the number of steps; measured against finer solves and replays it promises too much by two orders.)
+The local errors of a quantity, relative to its size along the motion, are summed over all steps, which is their total
+effect if the system neither damps nor amplifies them.  (The largest one alone, which is usual, is smaller by a factor
+of the number of steps; compared with finer solves and replays it is too small by two orders of magnitude.)
 
 *Quadrature error* of the objective: its integrals along the curves between the nodes against the method's own
 sums, relative to the objective.
 
-Neither sees what a finer motion would do differently: that a control switches within a step shows as far as it
-costs, not as far as it moves.
+Neither estimate accounts for changes of the optimum itself: the switch of a control within a step shows in its effect
+on the objective, but not in its effect on the motion.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ __all__ = ["Estimate", "estimate"]
 FloatArray = NDArray[np.float64]
 
 POINTS = 6
-"""Gauss quadrature in every step, exact to order 12; an even number of places, none of which is a node."""
+"""Points of Gauss quadrature in every step, exact to order 12. Their number is even, so that none is a node."""
 PICARD = 3
 """Corrections by the equations; the second makes the local error of hermite-simpson exact to leading order, the third
-tells whether they converge."""
+shows whether they converge."""
 STEP = 1e-5
-"""Of a derivative, for differences of the equations."""
+"""Step of difference quotients of the equations."""
 DIVERGES = 0.5
-"""A correction that changes the local error by more than this share of what the one before did: the step is long."""
+"""The step is too long if a correction changes the local error by more than this share of the previous change."""
 
 
 def _gauss(points: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -73,7 +73,7 @@ SHARES, WEIGHTS, INTEGRALS = _gauss(POINTS)
 States = dict[tuple[str, int], FloatArray]
 
 CHUNK = 4096
-"""Steps that are looked at in one go."""
+"""Number of steps that are evaluated together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +82,8 @@ class Estimate:
 
     Attributes:
         states: for every (variable, order of a derivative) that equations of motion determine, the absolute local
-            error of each step, (n,), relative to one more than its largest value; infinite where it cannot be told.
-        quadrature: (n,) what each step contributes to the objective's error, relative to the objective, signed.
+            error of each step, (n,), relative to one more than its largest value; infinite if it is not known.
+        quadrature: (n,) contribution of each step to the objective's error, relative to the objective, signed.
     """
 
     states: Mapping[tuple[str, int], FloatArray]
@@ -123,7 +123,7 @@ class Estimate:
         return name + "'" * order
 
     def within(self, first: int, last: int) -> float:
-        """What the steps from frame ``first`` to frame ``last`` contribute to the error."""
+        """The contribution of the steps from frame ``first`` to frame ``last`` to the error."""
         local = max((float(error[first:last].sum()) for error in self.states.values()), default=0.0)
         return max(local, abs(float(self.quadrature[first:last].sum())))
 
@@ -132,8 +132,8 @@ def estimate(problem: Problem, solution: Solution) -> Estimate:
     """Estimate the discretisation error of an optimal solution.
 
     Args:
-        problem: what was solved, with the solution's numbers.
-        solution: of this problem, times increasing.
+        problem: the problem with the solution's constants.
+        solution: a solution of this problem with increasing times.
 
     Raises:
         SolutionError: the times do not increase.
@@ -152,15 +152,16 @@ def estimate(problem: Problem, solution: Solution) -> Estimate:
 
 
 def local_errors(problem: Problem, solution: Solution) -> States:
-    """Where the equations lead from the left frame of each step, less where the motion is at its right frame.
+    """The local error of each step: the state reached by the equations from its left frame, minus the state at its
+    right frame.
 
     Args:
-        problem: what was solved.
-        solution: of it, under one of the collocation methods.
+        problem: the problem.
+        solution: its solution by one of the collocation methods.
 
     Returns:
         For every (variable, order of a derivative below its highest) a signed error of each step, (n,), in its units;
-        infinite where it cannot be told.
+        infinite if it is not known.
     """
     found: States = {}
     tops = {
@@ -178,7 +179,9 @@ def local_errors(problem: Problem, solution: Solution) -> States:
 
 
 def _turning(rotation: Rotation) -> list[Expr]:
-    """What is zero where a unit quaternion changes as its angular velocity says, along the unit sphere and off it."""
+    """Residuals of the kinematics of a unit quaternion with its angular velocity, along the unit sphere and normal to
+    it.
+    """
     places = [sym(VariableRef(name)) for name in rotation.quaternion]
     rates = [sym(VariableRef(name, 1)) for name in rotation.quaternion]
     along = quaternion_product([places[0], *(neg(c) for c in places[1:])], rates)
@@ -194,10 +197,10 @@ def _size(solution: Solution, name: str, order: int) -> float:
 
 
 class _Flow:
-    """Equations of motion as they lead from the left end of a step to the right.
+    """Integration of the equations of motion from the left end of a step to the right.
 
     Args:
-        bodies: what must be zero.
+        bodies: the expressions that must be zero.
         tops: highest derivative of every variable of the motion.
     """
 
@@ -209,7 +212,8 @@ class _Flow:
         self.tops = tops
 
     def errors(self, solution: Solution, steps: NDArray[np.int_]) -> States:
-        """Where each step ought to end less where it does, for every derivative below the highest. (steps,)
+        """The integrated state at the end of each step minus that of the motion, for every derivative below the
+        highest. (steps,)
 
         Corrections that diverge, as where a step is long for a stiff system, are summed as the alternating geometric
         series that they begin.
@@ -237,10 +241,10 @@ class _Flow:
         return {key: _summed([one[key] for one in several]) for key in found}
 
     def _inverse(self, values: Mapping[object, Any], shape: tuple[int, int]) -> FloatArray:
-        """What turns residuals into changes of the highest derivatives, (steps, derivatives, bodies).
+        """The matrix that maps residuals to changes of the highest derivatives, (steps, derivatives, bodies).
 
-        By differences of the equations, which are linear in them but for rare ones, and at one place in each step: the
-        corrections that follow on one another make up for what the others would tell.
+        By differences of the equations, which are linear in them but for rare ones, and at one place in each step:
+        successive corrections replace the others.
         """
         place = POINTS // 2
         here: dict[object, Any] = {
@@ -263,7 +267,7 @@ class _Flow:
     def _change(
         self, values: Mapping[object, Any], shape: tuple[int, int], inverse: FloatArray
     ) -> FloatArray:
-        """What the highest derivatives lack to solve the equations, one Newton step. (steps, places, derivatives)"""
+        """The Newton correction of the highest derivatives. (steps, points, derivatives)"""
         numbers = evaluate_all(self.bodies, values)
         residual = np.array([np.broadcast_to(np.asarray(v, float), shape) for v in numbers])
         change = -np.einsum("scr,rsp->spc", inverse, residual)
@@ -271,7 +275,9 @@ class _Flow:
 
 
 def _summed(errors: list[FloatArray]) -> FloatArray:
-    """What a sequence of estimates comes to: its last, or where changes do not fall their geometric series. (steps,)"""
+    """The limit of a sequence of estimates: its last, or the sum of a geometric series if changes do not decrease.
+    (steps,)
+    """
     if len(errors) < 3:
         return errors[-1]
     first, second, last = errors[0], errors[1], errors[-1]
@@ -283,7 +289,7 @@ def _summed(errors: list[FloatArray]) -> FloatArray:
 
 
 def _readable(body: Expr, solution: Solution) -> bool:
-    """Whether an expression has a value between the nodes of the solution."""
+    """Whether an expression is defined between the nodes of the solution."""
     for key in symbols(body):
         if isinstance(key, VariableRef):
             if (key.scale, key.shift, key.side) != (1, 0, "") or (
@@ -303,7 +309,7 @@ def fixed_values(solution: Solution) -> dict[object, Any]:
 
 
 def _between(solution: Solution, steps: NDArray[np.int_]) -> tuple[dict[object, Any], tuple[int, int]]:
-    """What every symbol is worth at the quadrature's places in some steps, and the shape (steps, places)."""
+    """The value of every symbol at the quadrature points of some steps, and the shape (steps, points)."""
     index = steps[:, None] + SHARES
     motion = solution.at_frame(index)
     values = fixed_values(solution)
@@ -319,7 +325,7 @@ def _between(solution: Solution, steps: NDArray[np.int_]) -> tuple[dict[object, 
 
 
 def _difference_errors(problem: Problem, solution: Solution) -> States:
-    """Wider stencils against the method's own, at the frames where a derivative stands in some statement."""
+    """Wider stencils compared with the method's own, at the frames where a derivative is used."""
     n, time = solution.n, solution.time
     lengths = np.diff(time)
     found: States = {}
@@ -390,7 +396,7 @@ def derivative_at_frames(time: FloatArray, x: FloatArray, order: int, width: int
 
 
 def quadrature_errors(problem: Problem, solution: Solution) -> FloatArray:
-    """What each step of the curves contributes to the objective's integrals, less the method's own sums. (n,)"""
+    """The contribution of each step to the objective's integrals along the curves, minus the method's own sums. (n,)"""
     error = np.zeros(solution.n)
     terms = [t for t in problem.objective if t.integral and t.range.first < t.range.last]
     for first, last in stretches(problem, ()):
@@ -406,7 +412,7 @@ def quadrature_errors(problem: Problem, solution: Solution) -> FloatArray:
 
 
 def _integral_gap(solution: Solution, body: Expr, steps: NDArray[np.int_]) -> FloatArray:
-    """The integral over each step along the curves, less the method's own. (steps,)"""
+    """The integral over each step along the curves, minus the method's own. (steps,)"""
     lengths = np.diff(solution.time)[steps]
     values, shape = _between(solution, steps)
     inside = np.broadcast_to(np.asarray(evaluate_all([body], values)[0], float), shape)
@@ -425,7 +431,7 @@ def _integral_gap(solution: Solution, body: Expr, steps: NDArray[np.int_]) -> Fl
 def _at_nodes(
     solution: Solution, body: Expr, index: NDArray[Any], motion: Mapping[tuple[str, int], FloatArray]
 ) -> FloatArray:
-    """An expression at some nodes, given by their frame index and all that is known there. (k,)"""
+    """An expression at some nodes, given by their frame index and the known values there. (k,)"""
     values = fixed_values(solution)
     values.update({VariableRef(name, order): numbers for (name, order), numbers in motion.items()})
     values[TimeRef()] = np.interp(index, np.arange(solution.n + 1), solution.time)

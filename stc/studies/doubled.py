@@ -1,9 +1,9 @@
-"""How far a solution moves on twice as many frames, by a short solve that starts from it.
+"""The change of a solution on twice as many frames, from a short solve that starts from it.
 
-Local errors say what the grid leaves in every step, but not what becomes of the optimum: a system may multiply them,
-and a flat optimum moves far where its cost hardly changes.  The next finer grid says both.  From a solution that is
-sound its solve takes a few iterations; one that takes many is given up, and nothing is told.  What it may take is
-counted in processor time, so that a machine with much else to do finds the same.
+Local errors show the error of each step, but not the change of the optimum: a system may amplify them, and a flat
+optimum can move far while its cost hardly changes.  A finer grid shows both.  From a good solution its solve takes a
+few iterations; a solve that takes many is stopped without a result.  Its limit is in processor time, so that the load
+of the machine has no influence.
 """
 
 from __future__ import annotations
@@ -21,17 +21,21 @@ from stc.solution import Solution
 from stc.studies.frames import ORDER, Spread
 from stc.trajectory import Channel
 
-__all__ = ["FROM_COARSER", "LEAST_RANGE", "apart", "change_when_doubled", "range_of"]
+__all__ = ["FROM_COARSER", "LEAST_RANGE", "NotFoundError", "apart", "change_when_doubled", "range_of"]
 
 FROM_COARSER = 100
-"""Iterations from the solution on fewer frames; where that is near one on more it takes two or three, or some tens."""
+"""Limit of iterations from the solution on fewer frames. Near a solution it takes two or three, or some tens."""
 LEAST_RANGE = 1e-6
-"""Of the largest range of all: what varies by less counts as still."""
+"""A variable whose range is below this share of the largest range counts as constant."""
 SHARE_OF_TIME, LEAST_TIME = 0.25, 1.0
-"""The finer solve may take this share of the processor time that the solution took, or so many seconds of it."""
+"""Limits of the finer solve's processor time: a share of that of the solution, and a least number of seconds."""
 FEW, LATE = 20, 2.0
-"""Iterations that the finer solve is reckoned to take: it is not begun where these alone are too many.  Once begun it
-may take so many times what is allowed, lest the answer hang on a hair."""
+"""The number of iterations expected of the finer solve, which is not begun if these exceed its time limit; once begun,
+it may take this multiple of the limit, so that the result does not depend on small differences of speed."""
+
+
+class NotFoundError(Exception):
+    """The solve on twice the frames ended without a motion, though it had the time that it asked for."""
 
 
 def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float, dict[str, float]] | None:
@@ -46,10 +50,11 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
 
     Returns:
         The error of the objective, relative to it, and of each variable, relative to its range; None where the finer
-        grid has no solution close by, or where the spec does not say what the same motion on more frames is.
+        solve was not started or was stopped, or if the spec does not define the same motion on more frames.
 
     Raises:
-        SpecError: the text that the solution carries is no spec.
+        NotFoundError: the finer grid has no solution close by.
+        SpecError: the text that the solution carries is not a spec.
     """
     allowed = max(SHARE_OF_TIME * solution.seconds.get("processor", 0.0), LEAST_TIME)
     if _expected(solution) > allowed:
@@ -76,17 +81,19 @@ def change_when_doubled(solution: Solution, names: Iterable[str]) -> tuple[float
             )
     except StcError:
         return None
-    if finer.status != "optimal" or finer.n != 2 * solution.n:
+    if finer.status == "interrupted" or finer.n != 2 * solution.n:
         return None
+    if finer.status != "optimal":
+        raise NotFoundError
     whole = 1.0 / (1.0 - 0.5 ** ORDER[solution.method])
     objective = abs(solution.objective - finer.objective) / max(abs(finer.objective), 1e-9)
     return whole * objective, {name: whole * error for name, error in apart(solution, finer, names).items()}
 
 
 def _expected(solution: Solution) -> float:
-    """The processor time that a solve on twice the frames takes at least, in seconds.
+    """The least processor time of a solve on twice the frames, in seconds.
 
-    The spec is read once more, and an iteration takes twice as long; what was derived and compiled serves again.
+    The spec is read once more, and an iteration takes twice as long; derivatives and kernels are reused.
     """
     seconds = solution.seconds
     total = seconds.get("total", 0.0)
@@ -97,7 +104,7 @@ def _expected(solution: Solution) -> float:
 
 
 def apart(coarse: Solution, finer: Solution, names: Iterable[str]) -> dict[str, float]:
-    """The largest difference of each variable between two grids, of which one has each frame of the other.
+    """The largest difference of each variable between two grids, one of which contains the frames of the other.
 
     Returns:
         Relative to the variable's range on the finer grid; where that is next to nothing beside the largest range of
@@ -115,6 +122,6 @@ def apart(coarse: Solution, finer: Solution, names: Iterable[str]) -> dict[str, 
 
 
 def range_of(channel: Channel) -> float:
-    """What a quantity ranges over; of one that hardly moves a thousandth of its size."""
+    """The range of a quantity; at least a thousandth of its size."""
     values = np.concatenate([channel.before, channel.after])
     return max(float(np.ptp(values)), 1e-3 * float(np.abs(values).max()))

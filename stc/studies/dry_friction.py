@@ -1,4 +1,4 @@
-"""Dry friction in a spec's equations of motion and in its model's: which way it acts, and where the two differ."""
+"""Dry friction in a spec's equations of motion and in its model's: its direction, and differences between the two."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def way_in_words(way: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Slid:
-    """Which way something with dry friction slides on a phase of a motion.
+    """The sliding direction of a joint or tendon with dry friction on a phase of a motion.
 
     Attributes:
         forwards: first and last of the frames at which it slides forwards; None if it does not.
@@ -47,11 +47,13 @@ class Slid:
 
     @property
     def way(self) -> float:
-        """1 or -1 where it slides one way only; 0 where it slides both ways or rests."""
+        """1 or -1 if it slides in one direction only; 0 if in both, or if it rests."""
         return float(self.forwards is not None) - float(self.backwards is not None)
 
     def otherwise(self, way: float) -> str:
-        """When it slides another way than the given one, in words; "" where it does not, or any is right (nan)."""
+        """The frames at which it slides in another direction than the given one, in words; "" if it does not, or any
+        is right (nan).
+        """
         if np.isnan(way):
             return ""
         found = {1.0: ("forwards", self.forwards), -1.0: ("backwards", self.backwards)}
@@ -63,7 +65,9 @@ class Slid:
 
 
 def slid(motion: Solution, phase: Phase, mechanics: ModelEquations) -> list[Slid]:
-    """Which way each thing with dry friction slides at the nodes of a phase; empty where velocities are not known."""
+    """The sliding direction of each joint and tendon with dry friction at the nodes of a phase; empty without
+    velocities.
+    """
     lines = {channel.name: channel for channel in motion.replay if channel.kind == "joint"}
     channels = [(lines[name].value, lines[name].rate) for name in mechanics.joints if name in lines]
     if len(channels) < len(mechanics.joints) or any(rate is None for _, rate in channels):
@@ -97,7 +101,7 @@ def slid(motion: Solution, phase: Phase, mechanics: ModelEquations) -> list[Slid
 def dry_friction_named(
     found: Sequence[Difference], spec: FloatArray, model: FloatArray, mechanics: ModelEquations
 ) -> list[Difference]:
-    """Differences, those of static forces called dry friction where that may be: the same at all positions.
+    """Differences, with those of static forces called dry friction if they are the same at all positions.
 
     Args:
         found: differences of all terms.

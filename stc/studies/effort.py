@@ -1,4 +1,4 @@
-"""What several solves take together, and how long they may."""
+"""The totals of several solves, and their common time limit."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from stc.solution import Solution
 
 @dataclass(slots=True)
 class Effort:
-    """Sums over solves.
+    """Totals over solves.
 
     Attributes:
-        solves: how many.
-        iterations, factorizations: of all of them.
-        seconds: wall time of all of them.
+        solves: number of solves.
+        iterations, factorizations: their sums.
+        seconds: total wall time.
     """
 
     solves: int = 0
@@ -50,7 +50,7 @@ class Clock:
 
     @property
     def left(self) -> float | None:
-        """What the next solve may take, in seconds; None where there is no limit."""
+        """The remaining time for the next solve, in seconds; None without a limit."""
         own = math.inf if self.limit is None else self.limit - (time.monotonic() - self._begin)
         least = min(own, deadline.left())
         return max(0.0, least) if math.isfinite(least) else None

@@ -1,4 +1,4 @@
-"""What comes of holding a spec's equations of motion against its model's, for people and programs."""
+"""The result of comparing a spec's equations of motion with its model's."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _SHOWN = 10
 
 @dataclass(slots=True, kw_only=True)
 class EquationReport:
-    """A spec's equations of motion against its model's.
+    """The comparison of a spec's equations of motion with its model's.
 
     Attributes:
         spec: name of the spec.
         model: file name of the model.
         states: number of random states in each phase.
         metrics: per phase and joint the largest difference; per kind of term the same.
-        findings: where they differ, the most telling line first; empty if they agree.
-        notes: what a reader should know besides.
-        steps: what to do about findings that are no plain difference of a term.
+        findings: the differences, the most important line first; empty if they agree.
+        notes: notes for the reader.
+        steps: advice on findings that are not the difference of a term.
         plain: whether there are findings besides those.
     """
 
@@ -45,7 +45,7 @@ class EquationReport:
         return not self.findings and "pass" in verdicts and "fail" not in verdicts
 
     def to_dict(self) -> dict[str, Any]:
-        """The report as JSON takes it."""
+        """The report for JSON."""
         return {
             "passed": self.passed,
             "spec": self.spec,
@@ -57,7 +57,7 @@ class EquationReport:
         }
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Rich shows what differs first, then a table of what was compared."""
+        """Rich shows the differences first, then a table of the compared entries."""
         from rich.table import Table
         from rich.text import Text
 

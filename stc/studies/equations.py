@@ -1,9 +1,9 @@
-"""Does a spec state its model's equations of motion?  Compared at random states, and by the term where not.
+"""Comparison of a spec's equations of motion with its model's, at random states and term by term.
 
-MuJoCo says which accelerations follow from a state and its forces.  The spec says so too, once those of its
-equations are found that are equations of motion (:mod:`stc.studies.spec_equations`): the ones that MuJoCo's
-accelerations satisfy, if these suffice to determine all accelerations; otherwise further ones join until they
-do, and the tables of terms (:mod:`stc.studies.terms`) tell where they differ from the model's.
+MuJoCo computes the accelerations for a state and its forces, and so do the spec's equations of motion, once these are
+identified among its equations (:mod:`stc.studies.spec_equations`).  They are the ones that MuJoCo's accelerations
+satisfy, if these suffice to determine all accelerations; otherwise further ones are added until they do, and the
+tables of terms (:mod:`stc.studies.terms`) show where they differ from the model's.
 """
 
 from __future__ import annotations
@@ -72,14 +72,14 @@ def check_equations(
 
     Args:
         problem: the spec with its numbers.
-        model: another model file than the one that the spec names.
+        model: a model file to use in place of the one that the spec names.
         states: number of random states per phase.
         seed: of the random states.
-        motion: a solution of the problem; positions and velocities are drawn from where it goes.
+        motion: a solution of the problem; positions and velocities are drawn from its range.
 
     Raises:
-        UsageError: the spec names no model, its expressions have no value at random states, or what it states cannot
-            be compared: equations with values of neighbouring frames, for one.
+        UsageError: the spec names no model, its expressions are undefined at random states, or its equations cannot be
+            compared, for example because they contain values of neighbouring frames.
         ModelError: the model does not fit the replay section.
     """
     name = model or problem.model
@@ -128,7 +128,7 @@ def check_equations(
 
 
 def _wide_phases(problem: Problem) -> list[Phase]:
-    """The phases, but for end frames that central differences do not reach."""
+    """The phases, without end frames that central differences do not reach."""
     reach = 0
     if problem.method == "central":
         keys = [k for r in problem.relations for k in symbols(r.body) if isinstance(k, VariableRef)]
@@ -140,7 +140,7 @@ def _wide_phases(problem: Problem) -> list[Phase]:
 
 
 def _unread(specs: Sequence[SpecEquations]) -> UsageError | None:
-    """Why equations of motion may be among those that cannot be read; None where all can be."""
+    """Why there may be equations of motion that cannot be read; None if there are none."""
     others = [e for s in specs for e in (*s.skipped, *s.stepping)]
     if not others:
         return None
@@ -170,7 +170,7 @@ def _parameters(problem: Problem, rng: np.random.Generator) -> dict[str, float]:
 
 
 def _ranges(motion: Solution, phase: Phase, coordinates: Sequence[str]) -> list[FloatArray] | None:
-    """Where coordinates and their velocities are on a phase of a motion, (2, k) each; None where that is not known."""
+    """The ranges of coordinates and their velocities on a phase of a motion, (2, k) each; None if not known."""
     found = []
     for order in (0, 1):
         channels = [motion.trajectories.get((name, order)) for name in coordinates]
@@ -253,7 +253,7 @@ class _Comparison:
     # ------------------------------------------------------------------ states
 
     def _sample(self, count: int) -> Sample:
-        """Random states at which everything has a value."""
+        """Random states at which everything is defined."""
         k, m = self.k, len(self.spec.auxiliaries)
         fast: tuple[FloatArray | float, FloatArray | float] = (-_VELOCITY, _VELOCITY)
         draws: list[tuple[FloatArray | float, FloatArray | float]]
@@ -278,7 +278,7 @@ class _Comparison:
         )
 
     def _at(self, state: State) -> Sample | None:
-        """Spec and model at those of the given states where both have values."""
+        """Spec and model at those of the given states where both are defined."""
         linear = self.spec.linear(state)
         jacobian, rest = self.spec.joint_map(linear.state)
         q, lines = self.spec.joint_positions(linear.state), self.spec.force_values(linear.state)
@@ -311,7 +311,7 @@ class _Comparison:
     # ------------------------------------------------------- which rows are meant
 
     def _probe(self) -> Sample:
-        """Random states, what has dry friction sliding the way on which most of the spec's equations hold."""
+        """Random states, with dry friction in the sliding direction in which most of the spec's equations hold."""
         model = self.model
         model.sliding[:] = 0.0
         still = best = self._sample(_PROBES)
@@ -336,7 +336,7 @@ class _Comparison:
         return best
 
     def _note_sliding_back(self) -> None:
-        """Finds what slides both ways on the motion, with one dry friction for both in the spec."""
+        """Report friction that acts in both directions on the motion, if the spec has the same for both."""
         for slider, gone, way in zip(self.model.sliders, self.slid, self.model.sliding):
             frames = gone.otherwise(float(way))
             if frames:
@@ -352,7 +352,7 @@ class _Comparison:
         return [int(row) for row in np.flatnonzero(holds.all(axis=0) & involved)]
 
     def _left(self, probe: Sample) -> FloatArray:
-        """What MuJoCo's accelerations leave of the equations, (S, E), as a share of their terms."""
+        """The residuals of the equations with MuJoCo's accelerations, (S, E), as a share of their terms."""
         acceleration = np.linalg.solve(probe.mass, (probe.force - probe.bias)[..., None])[..., 0]
         parts = probe.matrix * acceleration[:, None, :]
         size = np.abs(parts).sum(axis=2) + np.abs(probe.offset)
@@ -369,7 +369,7 @@ class _Comparison:
         return sorted(chosen) if len(chosen) == self.k else chosen
 
     def _standing(self, row: int) -> int:
-        """How much an equation looks like an equation of motion; the lower the more."""
+        """A sort key for how likely an equation is an equation of motion; smaller is more likely."""
         equation = self.spec.dynamic[row]
         if equation.relation.coordinate:
             return 0
@@ -380,7 +380,7 @@ class _Comparison:
         return 2 if len(keys) > 1 else 3
 
     def _incomplete(self, probe: Sample, rows: Sequence[int]) -> None:
-        """Names the joints whose accelerations the spec leaves open."""
+        """A message with the joints whose accelerations the spec does not determine."""
         matrix = probe.matrix[0, list(rows)]
         _, sizes, directions = np.linalg.svd(matrix) if rows else (None, np.zeros(0), np.eye(self.k))
         open_ = directions[int((sizes > 1e-10 * max(sizes, default=1.0)).sum()) :]
@@ -450,7 +450,7 @@ class _Comparison:
             self._report(found, places)
 
     def _note_together(self, tables: Tables | None, places: Sequence[str]) -> None:
-        """Says what was not taken apart, and why."""
+        """A note on terms that were not compared one by one, with the reason."""
         if tables is not None and tables.at_rest:
             return
         how = "are not taken apart term by term"
@@ -462,7 +462,7 @@ class _Comparison:
         )
 
     def _hold(self, sample: Sample, table: FloatArray, model: FloatArray) -> None:
-        """Give the model what of the spec's forces in loops and gears it can give; its table is changed in place."""
+        """Add to the model the spec's forces in loops and gears that it can give; its table is changed in place."""
         first = table.shape[2] - len(self.spec.auxiliaries)
         for column in (first + m for m in self.reactions):
             for s, q in enumerate(sample.q):
@@ -483,7 +483,7 @@ class _Comparison:
             self.report.notes.append(note)
 
     def _line(self, auxiliary: int) -> str:
-        """The replay lines that an auxiliary drives, or its own name."""
+        """The replay lines of an auxiliary, or its own name."""
         name = self.spec.auxiliaries[auxiliary]
         lines = [*(f"actuator {one}" for one in self.model.actuators), *self.model.outer]
         driven = [

@@ -1,4 +1,4 @@
-"""What holds a solution back, and what each statement costs, read off the multipliers.
+"""The active inequalities of a solution, and the cost of each statement, from the multipliers.
 
 At a solution ``grad f + J^T y + z = 0``, and moving the upper end of a statement by one unit at a frame changes the
 least objective by ``-y`` there, to first order (J. Nocedal and S. J. Wright, Numerical Optimization, 2006, section
@@ -34,18 +34,18 @@ CLOSE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """What one end of one statement costs.
+    """The cost of one end of one statement.
 
     Attributes:
         statement: its text.
-        file, line, column: where it stands.
-        end: ``upper`` or ``lower`` for the end of an inequality that holds the solution back, ``equality``.
-        change: of the least objective, per unit by which that end gives way at all its frames together: never
+        file, line, column: its position.
+        end: ``upper`` or ``lower`` for the active end of an inequality, or ``equality``.
+        change: change of the least objective per unit by which that end is relaxed at all its frames together: never
             positive for an inequality.  For an equation: per unit by which its right-hand side grows.
-        frames: where it is active: frame indices, a half more at midpoints; all frames of an equation.
-        frame: the one where it costs most; None in a problem without frames.
+        frames: the frames where it is active, plus one half at midpoints; all frames of an equation.
+        frame: the frame where it costs most; None in a problem without frames.
         change_there: the part of ``change`` that is due to that frame.
-        weakly: True where it is active and costs nothing.
+        weakly: True if it is active and costs nothing.
     """
 
     statement: str
@@ -62,9 +62,11 @@ class Sensitivity:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Attributes:
-    active: the inequalities that hold the solution back, in the order of the text.
-    sensitivities: every statement that costs anything, the most expensive first.
+    """The active inequalities of a solution, and the cost of each statement.
+
+    Attributes:
+        active: the active inequalities, in the order of the text.
+        sensitivities: every statement with a cost, the most expensive first.
     """
 
     active: list[Sensitivity]
@@ -79,7 +81,7 @@ class Explanation:
 
 
 def explain(model: Model, solution: Solution) -> Explanation:
-    """Says which inequalities are active in an optimal solution, and what each statement costs.
+    """The active inequalities of an optimal solution, and the cost of each statement.
 
     Args:
         model: the spec.
@@ -98,7 +100,7 @@ def explain(model: Model, solution: Solution) -> Explanation:
 
 
 class _Reading:
-    """Adds multipliers up by statement and end."""
+    """Sums of multipliers by statement and end."""
 
     def __init__(self, ownership: Ownership, bound: BoundProgram, solution: Solution) -> None:
         self.ownership, self.bound = ownership, bound
@@ -114,7 +116,7 @@ class _Reading:
         return Explanation(active, sorted(costly, key=lambda one: -abs(one.change)))
 
     def _of(self, relation: int) -> list[Sensitivity]:
-        """The ends of a relation that matter."""
+        """The relevant ends of a relation."""
         bound, ownership = self.bound, self.ownership
         rows = np.flatnonzero(ownership.rows_of(relation))
         value, y = [self.rows[rows]], [self.y[rows]]
@@ -150,7 +152,7 @@ class _Reading:
     def _bound_multipliers(
         self, relation: int, position: IntArray, low: FloatArray, high: FloatArray
     ) -> FloatArray:
-        """The part of the unknowns' multipliers that is due to a relation: that of the bound it set, (k,)."""
+        """The part of the unknowns' multipliers that is due to a relation that became a bound, (k,)."""
         bounds, z = self.bound.bounds, self.z[position]
         upper = (z > 0.0) & (high <= self.bound.x_upper[position]) & (bounds.upper_from[position] == relation)
         lower = (z < 0.0) & (low >= self.bound.x_lower[position]) & (bounds.lower_from[position] == relation)
@@ -176,7 +178,7 @@ class _Reading:
 
 
 def frames_in_words(frames: Iterable[float], longest: int = 4) -> str:
-    """Frame numbers as stretches: ``0-12, 20``; a step of a half at midpoints belongs to its stretch."""
+    """Frame numbers as intervals: ``0-12, 20``; a step of one half at midpoints belongs to its interval."""
     stretches: list[list[float]] = []
     for frame in frames:
         if stretches and frame - stretches[-1][1] <= 1.0:

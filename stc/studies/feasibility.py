@@ -1,13 +1,12 @@
-"""Can some of a spec's statements hold together?  Two nonlinear programs without the objective.
+"""Whether some of a spec's statements can hold together: two nonlinear programs without the objective.
 
 :class:`FeasibilityProblem` is the spec's own program with the other statements left out.  :class:`ElasticProblem` is
 that with every row elastic, so that it always has a feasible point:
 
     minimise  sum(p + q)    subject to   lower <= r(x) + D (q - p) <= upper,   p, q >= 0,   bounds as they are
 
-D brings rows to one size.  Its minimum is zero if the statements can hold together near the start, and
-otherwise tells how they are violated least (the elastic filter: J. W. Chinneck, Feasibility and Infeasibility in
-Optimization, 2008).
+D scales the rows.  The minimum is zero if the statements can hold together near the start, and otherwise the least
+violation (the elastic filter: J. W. Chinneck, Feasibility and Infeasibility in Optimization, 2008).
 """
 
 from __future__ import annotations
@@ -25,13 +24,13 @@ FloatArray = NDArray[np.float64]
 __all__ = ["ElasticProblem", "FeasibilityProblem"]
 
 SIZES = (1e-3, 1e3)
-"""What rows are brought to one size from; those beyond are brought as far."""
+"""The range within which rows are scaled to one size; those outside are scaled by the same factor as its end."""
 FIRST = 1e-2
-"""First value of p and q beyond what the start needs."""
+"""First value of p and q in excess of the violations at the start."""
 
 
 class FeasibilityProblem:
-    """A nonlinear program without its objective, of the statements kept alone: :class:`stc.solver.nlp.NLP`.
+    """A nonlinear program without its objective, with some of its statements only: :class:`stc.solver.nlp.NLP`.
 
     Rows of statements left out stay in the sparsity, without bounds.
     """

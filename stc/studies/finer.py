@@ -28,19 +28,20 @@ def solve_finer(
     ways_left: bool = False,
     patience: int = FROM_COARSER,
 ) -> Solution:
-    """The solution next to that on fewer frames, or, where that is no guess or leads nowhere, from where all began.
+    """A solution on more frames, from the solution on fewer frames or, if that fails or is not a good guess, from the
+    first start.
 
-    A coarse optimum may be one of the coarse motion alone, from which every way to one of the fine motion is long.
-    How far it is from a motion tells its grid error: where that is next to all, the solve begins where the first one
-    did; where it is gross, from both, and the better one counts.
+    A coarse optimum may be an artefact of its grid, and far from any optimum of the fine grid.  The grid error shows
+    this: if it is very large, the solve starts from the first start; if it is gross, from both, and the better one
+        counts.
 
     Args:
         solve: see :meth:`stc.pipeline.Model.solve`.
-        before: on fewer frames.
-        options: of the first solve, but with the constants of this one.
-        clock: what time is left; effort: what solves are added to.
-        ways_left: whether the caller has fewer frames to try where a sound solution leads nowhere: then nothing begins
-            where the first solve did.
+        before: the solution on fewer frames.
+        options: options of the first solve, with the constants of this one.
+        clock: the remaining time; effort: the totals to which solves are added.
+        ways_left: whether the caller can try fewer frames if the solve from a good solution fails; then the first
+            start is not used.
         patience: iterations from the solution on fewer frames.
     """
     most = options.get("max_iterations") or Options().max_iterations
@@ -68,7 +69,7 @@ def solve_finer(
 
 
 def _better(one: Solution, other: Solution) -> Solution:
-    """Of two solutions on the same frames, the first being the one to keep where both are as good."""
+    """The better of two solutions on the same frames; the first one if both are equally good."""
     if one.status == other.status == "optimal":
         return other if other.objective < one.objective - SAME * (1.0 + abs(one.objective)) else one
     return other if other.status in _FINAL and one.status != "optimal" else one

@@ -1,11 +1,10 @@
-"""The same motion on more frames: which constants say so, and a check that it is the same motion.
+"""The same motion on more frames: its constants, and a check that it is the same motion.
 
-A spec says where its phases begin and end in constants: ``n`` alone, others made from it (``a = n/2``), others
-of their own (``a = 30, b = 50``), or all of them from one more (``k = 2, a = 20*k, n = 60*k``).  All frames are
-multiplied through the constants that the others follow from; single phases by giving the constants at their ends
-other values.  Whether the result states the same motion is not taken on trust: the finer problem is elaborated,
-and every frame that a statement names, the time at every one of them, and the weights of the objective have to be
-where they were.
+The phases of a spec begin and end at frames given by constants: ``n`` alone, constants computed from it (``a = n/2``),
+independent ones (``a = 30, b = 50``), or all of them computed from another (``k = 2, a = 20*k, n = 60*k``).  The
+number of all frames is multiplied through the constants from which the others are computed; single phases are changed
+by the constants at their ends.  To check that the result states the same motion, the finer problem is elaborated, and
+the named frames, their times, and the weights of the objective are compared.
 """
 
 from __future__ import annotations
@@ -34,12 +33,12 @@ __all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for"]
 FloatArray = NDArray[np.float64]
 
 ORDER = {"stepping": 1, "central": 2, "trapezoidal": 2, "hermite-simpson": 4}
-"""Order of a motion's error in its step: a step's own is higher by one, and there are the more steps."""
+"""Order of a motion's error in the step size; the local error's order is higher by one."""
 LOWEST_ORDER = 0.7
-"""Kinks lower the order; what was observed counts, but not less than this."""
+"""Least order that is assumed if the observed order is lower, as it is with kinks."""
 
 MOST_AT_ONCE = 8
-"""No phase gets more than so many times as many frames from one solve to the next."""
+"""Largest factor by which the frames of a phase increase from one solve to the next."""
 
 
 @dataclass(slots=True)
@@ -49,10 +48,10 @@ class Spread:
     Attributes:
         model: the spec.
         method: transcription instead of the spec's own, or None.
-        constants: given from outside.
+        constants: constants given by the caller.
         problem: with these constants.
-        ends: constants that name a frame each, with their values, in rising order; ``n`` is the last.
-        own: those constants that no other one determines and that shape the problem, with their values.
+        ends: constants that name a frame each, with their values, in increasing order; ``n`` is the last.
+        own: independent structural constants, with their values.
     """
 
     model: Model
@@ -91,7 +90,7 @@ class Spread:
         return [b - a for a, b in pairwise(ends)]
 
     def finer(self, factors: Sequence[int]) -> dict[str, float]:
-        """Constants for a motion with this many times as many frames between the ends.
+        """Constants for the motion with the number of frames between the ends multiplied by factors.
 
         Where different factors would make another motion, the largest one is taken for all.
 
@@ -99,7 +98,7 @@ class Spread:
             factors: one per entry of :attr:`lengths`.
 
         Raises:
-            UsageError: the spec does not say what the same motion on more frames is; the message says where.
+            UsageError: the spec does not define the same motion on more frames; the message gives the position.
         """
         if len(set(factors)) > 1:
             try:
@@ -109,7 +108,7 @@ class Spread:
         return self.multiplied(max(factors))
 
     def multiplied(self, factor: int) -> dict[str, float]:
-        """Constants for a motion with so many times as many frames everywhere.
+        """Constants for the motion with the number of all frames multiplied by a factor.
 
         Raises:
             UsageError: as :meth:`finer`.
@@ -144,7 +143,7 @@ class Spread:
         return {name: float(value) for (name, _), value in zip(self.ends, new, strict=True)}
 
     def _names_its_frame(self, name: str, frame: int) -> bool:
-        """Whether some statement's range or index at this very frame moves with a constant."""
+        """Whether the range or index of a statement at this frame moves with a constant."""
         before = self.problem.named
         for other in (2, -2, 1, -1):
             try:
@@ -187,7 +186,7 @@ class Spread:
 
 
 def observed_order(method: str, coarse: tuple[int, float], fine: tuple[int, float]) -> float:
-    """The order at which an error falls, as far as two grids tell, between :data:`LOWEST_ORDER` and the method's.
+    """The observed order of an error on two grids, between :data:`LOWEST_ORDER` and the method's.
 
     Args:
         method: transcription.
@@ -201,7 +200,8 @@ def observed_order(method: str, coarse: tuple[int, float], fine: tuple[int, floa
 
 
 def growth_for(errors: FloatArray, counts: NDArray[np.int_], order: float, share: float) -> FloatArray:
-    """How many times as many steps each phase needs for the sum of all errors to fall to a share of itself.
+    """The factor by which the steps of each phase must be multiplied to reduce the sum of all errors to a share of
+    itself.
 
     A phase with error E on N steps that gets r times as many keeps E/r^p.  The least number of steps for a given
     sum has r proportional to (E/N)^(1/(p+1)), and never below 1.

@@ -1,31 +1,31 @@
-"""What the grid of a solution leaves of its error: one figure for the objective, one for the motion.
+"""The discretisation error of a solution: one estimate for the objective, one for the motion.
 
-Where the solution has one close by on twice as many frames, their difference says it (:mod:`stc.studies.doubled`).
-Where not, and within searches, the steps themselves are asked, without a solve:
+If there is a solution close by on twice as many frames, the estimate is the difference (:mod:`stc.studies.doubled`).
+If not, and within searches, the estimate comes from the steps themselves, without a solve:
 
-A solution answers the nonlinear program of its grid.  How far that is from the motion between the frames is told by
-what :mod:`stc.studies.discretisation` finds in every step: where the equations lead, less where the motion is.
+A solution satisfies the nonlinear program of its grid.  Between the frames, :mod:`stc.studies.discretisation` computes
+the local error of every step: the state reached by the equations minus the state of the motion.
 
 *Objective*: moving the right-hand side of a row by an amount changes the least objective by minus its multiplier times
 that amount (J. Nocedal and S. J. Wright, Numerical Optimization, 2006, section 12.8).  The local error of a step is
-such an amount, of the row that links the step's ends; so its price is known (dual weighted residuals: R. Becker and
-R. Rannacher, An optimal control approach to a posteriori error estimation, Acta Numerica 10, 2001).  Added to that is
-what the method's sums leave of the objective's integrals.
+such an amount, for the row that links the step's ends, so that its effect on the objective is known (dual weighted
+residuals: R. Becker and R. Rannacher, An optimal control approach to a posteriori error estimation, Acta Numerica 10,
+2001).  The difference between the objective's integrals and the method's sums is added.
 
 *Motion*: the local errors of a quantity, added up along the motion with their signs, those of a rate integrated as
-well; half of the distance between the largest and the smallest sum, since ends that are given hold it back on either
-side.  To that comes what a control leaves that switches within a step: its curve is a ramp there, and the states, which
-the equations lead along that ramp, are off by up to a quarter of the step times the jump of their rate.  Such corners
-are seen in the rates themselves, where these change from step to step as no smooth curve on this grid would.
+well; half of the distance between the largest and the smallest sum, since given ends constrain it on either side.  The
+error of a control that switches within a step is added: its curve is a ramp there, and the states have an error of up
+to a quarter of the step times the jump of their rate.  Such corners are detected in the rates, if these change from
+step to step as no smooth curve on this grid would.
 
-Neither is a bound.  A system that multiplies its errors, an optimum that is flat, and another optimum that only a finer
-grid has, are not seen (docs/searches.md tells how often that happens).
+Neither estimate is a bound.  They do not account for a system that amplifies errors, a flat optimum, or another optimum
+that exists only on a finer grid (docs/grid_error.md has statistics).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.studies.difference_gaps import ends_of_sums, gaps_of, moved_rows, moved_terms
 from stc.studies.discretisation import States, local_errors, quadrature_errors
-from stc.studies.doubled import LEAST_RANGE, change_when_doubled, range_of
+from stc.studies.doubled import LEAST_RANGE, NotFoundError, change_when_doubled, range_of
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 
@@ -56,11 +56,15 @@ FloatArray = NDArray[np.float64]
 GROSS = 0.01
 """An error above this share of the objective, or of the range of a variable, is gross."""
 NO_GUESS = 0.1
-"""Above this share: what was found is no motion that could be a guess."""
+"""Above this share, the solution is not usable as a guess."""
 CORNER, WIGGLE = 1.0 / 12.0, 0.2
-"""Of a step times what a rate changes by where it turns somewhere in it: what the states are off by, on average."""
+"""Average error of the states, as a share of the step times the change of a rate that has a kink within the step."""
+_LOST = (
+    "a solve on twice the frames that started from this motion found no solution: the error of the grid may be larger "
+    "than the estimate. Give n a larger value, or let `--refine 1e-3` add frames"
+)
 WHOLE = 1.0
-"""An error of the whole range, or objective, says all that there is to say."""
+"""Estimates are cut off at this share: the whole range, or the whole objective."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +72,17 @@ class GridError:
     """The estimated discretisation error of a solution.
 
     Attributes:
-        objective: of the objective, relative to it; 0 where there is none.
+        objective: error of the objective, relative to it; 0 without an objective.
         motion: the largest error of a variable that equations of motion determine, relative to its range, 1 at most.
         variable: which one that is; "" where no variable has a derivative.
+        lost: whether a solve on twice the frames started from the solution and found none.  Both figures are then
+            estimates from the steps of this grid, and may be far below the error.
     """
 
     objective: float
     motion: float
     variable: str
+    lost: bool = False
 
     @property
     def largest(self) -> float:
@@ -84,7 +91,7 @@ class GridError:
 
     @property
     def gross(self) -> bool:
-        """Whether the motion may differ visibly from that of a finer grid."""
+        """Whether the motion may visibly differ from that on a finer grid."""
         return not self.largest <= GROSS
 
     def to_dict(self) -> dict[str, Any]:
@@ -98,7 +105,11 @@ class GridError:
 
     @property
     def warning(self) -> str:
-        """What to tell where the error is gross."""
+        """The note for a gross or unknown error; "" if there is nothing to report."""
+        if self.lost:
+            return _LOST
+        if not self.gross:
+            return ""
         what = []
         if not self.objective <= GROSS:
             what.append(f"the objective by about {_share(self.objective)}")
@@ -106,13 +117,12 @@ class GridError:
             what.append(f"{self.variable} by {_of_range(self.motion)}")
         return (
             f"the grid is coarse for this motion: more frames are likely to change {' and '.join(what)}. The status "
-            "tells of the program on this grid alone; `--refine 1e-3` adds frames until they change little, or give n "
-            "a larger value"
+            "refers to this grid alone; `--refine 1e-3` adds frames until they change little, or set a larger n"
         )
 
 
 def grid_error(solution: Solution) -> GridError | None:
-    """Estimate the discretisation error of a solution, from its change to twice the frames where that is to be had.
+    """Estimate the discretisation error of a solution, from its change on twice the frames if that can be computed.
 
     Args:
         solution: any optimal one.
@@ -121,13 +131,16 @@ def grid_error(solution: Solution) -> GridError | None:
         As :func:`local_grid_error`.
 
     Raises:
-        SpecError: the text that the solution carries is no spec.
+        SpecError: the text that the solution carries is not a spec.
     """
     local = local_grid_error(solution)
     if local is None:
         return None
     problem = problem_of_solution(solution)
-    change = change_when_doubled(solution, determined(problem, solution))
+    try:
+        change = change_when_doubled(solution, determined(problem, solution))
+    except NotFoundError:
+        return replace(local, lost=True)
     if change is None:
         return local
     objective, moved = change
@@ -138,16 +151,16 @@ def grid_error(solution: Solution) -> GridError | None:
 
 
 def local_grid_error(solution: Solution) -> GridError | None:
-    """Estimate the discretisation error of a solution from what it leaves in its steps, without a solve.
+    """Estimate the discretisation error of a solution from the local errors of its steps, without a solve.
 
     Args:
         solution: any optimal one.
 
     Returns:
-        The estimate; None where there is none to make: no solution, or one of a single frame or in time steps.
+        The estimate; None for a motion that is not optimal, has a single frame or was found by time stepping.
 
     Raises:
-        SpecError: the text that the solution carries is no spec.
+        SpecError: the text that the solution carries is not a spec.
     """
     if solution.status != "optimal" or not solution.n or not (np.diff(solution.time) > 0.0).all():
         return None
@@ -169,7 +182,7 @@ def local_grid_error(solution: Solution) -> GridError | None:
 
 
 def problem_of_solution(solution: Solution) -> Problem:
-    """What a solution solves: as its model knows it, else read from the text that it carries."""
+    """The problem of a solution: from its model, else built from the text in it."""
     if solution.origin is not None:
         stated: Problem = solution.origin.transcription(solution.method, **solution.overrides)[0]
         return stated
@@ -179,23 +192,23 @@ def problem_of_solution(solution: Solution) -> Problem:
 
 
 def _told(errors: FloatArray) -> FloatArray:
-    """Local errors, (n,), of which those that cannot be told count as much as the largest that can."""
+    """Local errors, (n,), with unknown ones replaced by the largest known one."""
     known = np.isfinite(errors)
     largest = float(np.abs(errors[known]).max(initial=0.0))
     return errors if known.all() else np.where(known, errors, largest if known.any() else np.inf)
 
 
 def _known(error: float) -> float:
-    """An error that cannot be told is as large as any."""
+    """An error, or the largest possible one if it is not known."""
     return error if np.isfinite(error) else np.inf
 
 
 def _of_range(error: float) -> str:
-    return f"about {_share(error)} of its range" if error < WHOLE else "about all of its range"
+    return f"about {_share(error)} of its range" if error < WHOLE else "about its whole range"
 
 
 def _share(error: float) -> str:
-    """A share in words, of which one digit counts."""
+    """A share in words, with one digit."""
     return (
         f"{100.0 * error:.1g} %"
         if error < 0.1
@@ -209,7 +222,7 @@ def _share(error: float) -> str:
 
 
 def _price(problem: Problem, solution: Solution, missed: States) -> float:
-    """What the local errors of all steps change the objective by."""
+    """The change of the objective due to the local errors of all steps."""
     prices = {block.label: block for block in solution.multipliers if block.kind == "link"}
     total = 0.0
     turning = {name for rotation in problem.rotations for name in rotation.quaternion}
@@ -232,7 +245,7 @@ def _of_steps(block: MultiplierBlock, n: int) -> FloatArray:
 
 
 def _turned(rotation: Rotation, solution: Solution, missed: States) -> FloatArray:
-    """The local error of an orientation as its links have it: seen from an orientation within the step. (n, 3)"""
+    """The local error of an orientation in the form of its links: relative to an orientation within the step. (n, 3)"""
     channels = [solution.trajectories[name, 0] for name in rotation.quaternion]
     a = [c.after[:-1] if c.mid is None else c.mid for c in channels]
     e = [missed[name, 0] for name in rotation.quaternion]
@@ -250,7 +263,7 @@ def _turned(rotation: Rotation, solution: Solution, missed: States) -> FloatArra
 
 
 def _motion(problem: Problem, solution: Solution, missed: States) -> tuple[float, str]:
-    """The largest error of a variable relative to its range, and of which."""
+    """The largest error of a variable relative to its range, and its name."""
     judged = list(determined(problem, solution))
     ranges = {name: range_of(solution.trajectories[name, 0]) for name in judged}
     least = LEAST_RANGE * max(ranges.values(), default=0.0)
@@ -265,7 +278,7 @@ def _motion(problem: Problem, solution: Solution, missed: States) -> tuple[float
 
 
 def determined(problem: Problem, solution: Solution) -> Iterator[str]:
-    """The variables that equations of motion determine; where there are none, all that have a rate."""
+    """The variables that equations of motion determine; if there are none, all variables with a rate."""
     found = set()
     for relation in problem.relations:
         if relation.is_equality and relation.range.first < relation.range.last:
@@ -292,7 +305,9 @@ def _accumulated(solution: Solution, missed: States, name: str) -> float:
 
 
 def _switches(solution: Solution, name: str, cuts: set[int]) -> float:
-    """What changes of a variable's highest rate within steps leave of it; frames that the spec names do not count."""
+    """The error of a variable due to changes of its highest rate within steps; frames that the spec names do not
+    count.
+    """
     top = max(order for variable, order in solution.trajectories if variable == name)
     if not top:
         return 0.0
@@ -308,7 +323,7 @@ def _switches(solution: Solution, name: str, cuts: set[int]) -> float:
 
 
 def _ramps(rate: Channel) -> FloatArray:
-    """By how much of a step each inner frame is off, times what the rate changes by there, (n-1,).
+    """The error of each inner frame as a share of a step, times the change of the rate there, (n-1,).
 
     A switch between two frames is a ramp over the two steps beside the frame whose rate is neither the one before nor
     the one after it: of these two changes the smaller one, times half a step, is what the ramp leaves at that frame.
@@ -333,7 +348,7 @@ def _ramps(rate: Channel) -> FloatArray:
 
 
 def _wiggles(rate: Channel) -> FloatArray:
-    """How far the mean rates of four steps are from a parabola, less where they change more.  (n-3,)
+    """The deviation of the mean rates of four steps from a parabola, minus their larger changes. (n-3,)
 
     Means over the steps: what a control does at the midpoints alone moves no state.
     """

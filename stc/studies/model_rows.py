@@ -1,8 +1,8 @@
-"""Do the equations of motion that a spec has of its model hold in MuJoCo?  Compared at random states, term by term.
+"""Comparison with MuJoCo of the equations of motion that a spec gets from its model, at random states, term by term.
 
 The expressions are derived from the model's numbers (:mod:`stc.mechanism`); MuJoCo computes the same from the model by
-algorithms of its own.  The spec's rows are balances of forces on the degrees of freedom, in their order.  So nothing
-has to be found out first: any joints, actuators with states and forces of contacts are compared as they are.
+algorithms of its own.  The spec's rows are balances of forces on the degrees of freedom, in their order.  No
+identification is needed: any joints, actuators with states and contact forces can be compared.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def compare_rows(
         seed: of these.
 
     Raises:
-        UsageError: a joint or actuator line says something else than the variable of the same name.
-        ModelError: the model has not what the lines name.
+        UsageError: a joint or actuator line is not the variable of the same name.
+        ModelError: the model does not have an element that a line names.
     """
     lines = {
         kind: [c for c in problem.replay if c.kind == kind]
@@ -70,6 +70,7 @@ def compare_rows(
         path,
         {c.path: float(evaluate(c.body, numbers)) for c in lines["set"]},
         [(c.kind, c.path) for c in outer],
+        problem.additions,
     )
     report = EquationReport(spec=problem.name, model=path.name, states=count, notes=list(model.notes))
     known = _places(model, lines["joint"], lines["actuator"])
@@ -87,14 +88,15 @@ def compare_rows(
 def _places(
     model: StateEquations, joints: Sequence[ReplayChannel], actuators: Sequence[ReplayChannel]
 ) -> dict[VariableRef, tuple[str, int]]:
-    """Where the variables of joint and actuator lines are in MuJoCo's order."""
+    """The indices of the variables of joint and actuator lines in MuJoCo's order."""
     found: dict[VariableRef, tuple[str, int]] = {}
     for line in (*joints, *actuators):
         key = line.body.payload if line.body.op == "sym" else None
         if not isinstance(key, VariableRef):
             raise UsageError(
-                f"`{line.kind} {'.'.join(line.path)}` is no variable",
-                "equations of a model are compared where its joints and actuators are tied as the model ties them",
+                f"`{line.kind} {'.'.join(line.path)}` is not a variable",
+                "equations of a model can only be compared if `replay:` does not change the lines of its joints and "
+                "actuators",
             )
         if line.kind == "actuator":
             control, state = model.actuator(".".join(line.path))
@@ -111,7 +113,7 @@ def _places(
 
 
 def _rows(phase: Phase, model: StateEquations) -> list[Expr]:
-    """What is 0 on each degree of freedom, in MuJoCo's order."""
+    """The residual of each degree of freedom, in MuJoCo's order."""
     found: dict[int, Expr] = {}
     for equation in phase.equations:
         if equation.relation.coordinate:
@@ -120,7 +122,10 @@ def _rows(phase: Phase, model: StateEquations) -> list[Expr]:
                 found[dof] = equation.body
     missing = [name for dof, name in enumerate(model.dofs) if dof not in found]
     if missing:
-        raise UsageError(f"the spec has no equation of motion of {', '.join(missing)}", "is this its model?")
+        raise UsageError(
+            f"the spec has no equation of motion of {', '.join(missing)}",
+            "does the spec belong to this model?",
+        )
     return [found[dof] for dof in range(len(model.dofs))]
 
 
@@ -162,7 +167,7 @@ class _Rows:
         return ModelState(state.q, *(np.zeros_like(x) for x in (state.v, state.a, state.u, state.z, state.f)))
 
     def _sides(self, states: Sequence[ModelState]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What is left of the spec's and of the model's equations, (S, nv) each, and the sizes of forces, (S,)."""
+        """The residuals of the spec's and of the model's equations, (S, nv) each, and the sizes of forces, (S,)."""
         known: dict[object, FloatArray | float] = dict(self.numbers)
         arrays = {part: np.array([getattr(state, part) for state in states]) for part in "qvauzf"}
         for key, (part, index) in self.places.items():
@@ -234,7 +239,7 @@ class _Rows:
         return ModelState(**arrays)
 
     def _columns(self, still: ModelState) -> Iterator[tuple[Term, list[tuple[_Set, float]]]]:
-        """Every term as a sum of what is left at some states, each by what is set in it, with its share."""
+        """Every term as a combination of residuals at some states, with the values set there."""
         dofs = self.model.dofs
         rest: _Set = ()
         for k, name in enumerate(dofs):

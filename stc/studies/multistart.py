@@ -1,13 +1,14 @@
-"""Many starts: the optima that lie around, and the best of them.
+"""Many starts: the local optima found from several guesses, and the best of them.
 
 The first start is the spec's own guess.  Every other one adds a smooth random curve to each variable and moves
-each parameter, by amounts that the bounds or the guess suggest; what the spec pins stays.  Numbers come from one
+each parameter, by amounts that the bounds or the guess suggest; values that the spec fixes stay.  Numbers come from one
 generator per start, seeded with the seed and the start's number: start 7 is the same whether 8 or 80 are asked for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,28 +20,30 @@ from stc.guess_file import GivenValues, NodeValues, read_guess
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
-from stc.solver.kkt.reuse import forget
 from stc.studies.effort import Clock, Effort
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
+from stc.workers import Workers
 
 __all__ = ["MultiStart", "Optimum", "StartRecord", "multistart"]
 
 FloatArray = NDArray[np.float64]
 
 WAVES = 4
-"""How many cosines a random curve has."""
+"""Number of cosines in a random curve."""
 SAME_OBJECTIVE, SAME_MOTION = 1e-6, 1e-2
-"""Optima are the same when their objectives differ relatively, and their motions as a share of their range, by less."""
+"""Optima are the same if their objectives differ by less than this share, and their motions by less than this share
+of their range.
+"""
 ATTEMPTS = 5
-"""How often a start at which a function is undefined is tried again, half as far away."""
+"""Number of times that a start at which a function is undefined is moved half as far away."""
 FAR = 10.0
-"""Bounds count as nominal where they are this many times farther away than the guess's own size."""
+"""Bounds are ignored if they are this many times farther away than the size of the guess."""
 
 
 @dataclass(frozen=True, slots=True)
 class StartRecord:
-    """How one start ended; ``optimum`` counts from 0 and is -1 where there is none."""
+    """The result of one start; ``optimum`` is the index of its optimum, or -1 if there is none."""
 
     start: int
     status: str
@@ -54,10 +57,14 @@ class StartRecord:
 class Optimum:
     """One of the optima found.
 
-    Attributes:
-        objective: its objective.
-        starts: the starts that led to it.
-        solution: the first of its solutions.
+    Attributes
+    ----------
+    objective : float
+        Its objective.
+    starts : list[int]
+        The starts that led to it.
+    solution : Solution
+        The first of its solutions.
     """
 
     objective: float
@@ -67,14 +74,20 @@ class Optimum:
 
 @dataclass(slots=True)
 class MultiStart:
-    """What many starts found.
+    """The results of many starts.
 
-    Attributes:
-        starts: one record per start that was made.
-        optima: distinct optima, best first.
-        solution: the best optimum, or where there is none the solution that violates least.
-        effort: of all solves.
-        message: why not all starts were made; empty where they were.
+    Attributes
+    ----------
+    starts : list[StartRecord]
+        One record per start that was made.
+    optima : list[Optimum]
+        Distinct optima, best first.
+    solution : Solution | None
+        The best optimum, or if there is none the solution with the least violation.
+    effort : Effort
+        Totals of all solves.
+    message : str
+        Why not all starts were made; empty if they were.
     """
 
     starts: list[StartRecord] = field(default_factory=list)
@@ -84,7 +97,7 @@ class MultiStart:
     message: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """The findings as JSON takes them."""
+        """The results for JSON."""
         return {
             "starts": [
                 {
@@ -110,31 +123,49 @@ def multistart(
     starts: int = 20,
     seed: int = 1,
     *,
+    workers: int | None = 1,
     solve: Callable[..., Solution] | None = None,
     on_start: Callable[[StartRecord], None] | None = None,
     **options: Any,
 ) -> MultiStart:
-    """Solve from several starts.
+    """Solve from several starts: the spec's own guess and random ones.
 
-    Args:
-        model: the spec.
-        starts: how many, the spec's own guess included.
-        seed: of the random numbers.
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
-        on_start: told after every solve; the number of the optimum in the record is the one found so far.
-        **options: of :meth:`stc.pipeline.Model.solve`; a guess is what the starts lie around, a time limit is for
-            all solves together.
+    Parameters
+    ----------
+    model : Model
+        The spec.
+    starts : int
+        Number of starts, including the spec's own guess.
+    seed : int
+        Seed of the random numbers.
+    workers : int | None
+        Number of processes; None for one per processor, or the setting of ``joblib.parallel_config``.  The
+        results do not depend on it.
+    solve : Callable[..., Solution] | None
+        Function to use in place of ``model.solve``, with the same arguments (to watch it), if there is one worker.
+    on_start : Callable[[StartRecord], None] | None
+        Called with the record of every solve; the index of its optimum is that known so far.
+    **options : Any
+        Arguments of :meth:`stc.pipeline.Model.solve`; random guesses are drawn around a given guess, and a
+        time limit applies to all solves together.
 
-    Raises:
-        UsageError: fewer than one start.
-        SpecError, EvaluationError: mistakes in the spec, or a guess where a function is undefined.
+    Returns
+    -------
+    MultiStart
+        The results of all starts, with the best optimum.
+
+    Raises
+    ------
+    UsageError
+        Fewer than one start.
+    SpecError, EvaluationError
+        Mistakes in the spec, or a guess where a function is undefined.
     """
     starts, seed = whole(starts, "the number of starts"), whole(seed, "the seed")
     if starts < 1:
         raise UsageError(f"at least one start is needed, not {starts}")
     if seed < 0:
         raise UsageError(f"a seed is a whole number, 0 or more, not {seed}")
-    solve = solve or model.solve
     guess = options.pop("guess", None)
     if isinstance(guess, str) or hasattr(guess, "__fspath__"):
         guess = read_guess(guess)
@@ -143,29 +174,53 @@ def multistart(
     problem, transcription = model.transcription(options.get("method"), **constants)
     around = _Neighbourhood(transcription, transcription.bind(problem.constants, guess=guess, check=False))
     found = MultiStart()
-    forget()  # what earlier solves planned shows in last digits, and so in where a far start leads
-    for number in range(starts):
-        solution = None
-        for attempt in range(ATTEMPTS if number else 1):
-            values = guess if number == 0 else around.start(seed, number, 0.5**attempt)
-            try:
-                solution = solve(constants=constants, guess=values, **options, **clock.option())
+    tasks = (
+        _Task(
+            model, around, seed, number, {"constants": constants, "guess": guess, **options, **clock.option()}
+        )
+        for number in range(starts)
+    )
+    with Workers(workers) as side_by_side:
+        solved = _solved if solve is None else partial(_solved, solve=solve)
+        for number, solution in enumerate(side_by_side.in_order(solved, tasks)):
+            found.starts.append(_sorted_in(found, number, solution))
+            if on_start is not None:
+                on_start(found.starts[-1])
+            made = f"{number + 1} of {starts} starts were made"
+            if solution is not None and solution.status == "interrupted":
+                found.message = f"interrupted; {made}"
                 break
-            except (EvaluationError, SpecError):
-                if number == 0:
-                    raise
-        found.starts.append(_sorted_in(found, number, solution))
-        if on_start is not None:
-            on_start(found.starts[-1])
-        made = f"{number + 1} of {starts} starts were made"
-        if solution is not None and solution.status == "interrupted":
-            found.message = f"interrupted; {made}"
-            break
-        if clock.is_over and number + 1 < starts:
-            found.message = f"the time limit of {clock.limit:g} s came first; {made}"
-            break
+            if clock.is_over and number + 1 < starts:
+                found.message = f"the time limit of {clock.limit:g} s came first; {made}"
+                break
     _rank(found)
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """One start: ``options`` are those of its solve, with the guess that the first start has."""
+
+    model: Model
+    around: _Neighbourhood
+    seed: int
+    number: int
+    options: dict[str, Any]
+
+
+def _solved(task: _Task, solve: Callable[..., Solution] | None = None) -> Solution | None:
+    """What a start leads to, in whatever process and after whatever else; None where a function has no value there."""
+    for attempt in range(ATTEMPTS if task.number else 1):
+        options = dict(task.options)
+        if task.number:
+            options["guess"] = task.around.start(task.seed, task.number, 0.5**attempt)
+        task.model.forget()
+        try:
+            return (solve or task.model.solve)(**options)
+        except (EvaluationError, SpecError):
+            if task.number == 0:
+                raise
+    return None
 
 
 def _sorted_in(found: MultiStart, number: int, solution: Solution | None) -> StartRecord:
@@ -188,7 +243,7 @@ def _sorted_in(found: MultiStart, number: int, solution: Solution | None) -> Sta
 
 
 def _rank(found: MultiStart) -> None:
-    """Put the best optimum first; optima were numbered in the order in which they were found."""
+    """Put the best optimum first; optima were numbered in the order of their discovery."""
     order = sorted(range(len(found.optima)), key=lambda k: (found.optima[k].objective, k))
     place = {old: new for new, old in enumerate(order)}
     found.optima = [found.optima[k] for k in order]
@@ -242,7 +297,7 @@ class _Neighbourhood:
             self.parameters[name] = float(x[at]), float(low[at]), float(high[at])
 
     def start(self, seed: int, number: int, share: float) -> GivenValues:
-        """The start of this number, moved by ``share`` of the usual amount."""
+        """The start of this number, perturbed by ``share`` of the usual amount."""
         rng = np.random.default_rng([seed, number])
         columns: dict[str, NodeValues] = {}
         for name, (before, after, mid) in self.middle.items():
@@ -255,7 +310,7 @@ class _Neighbourhood:
 
 
 def _amplitude(x: FloatArray, low: FloatArray, high: FloatArray) -> float:
-    """How far a variable may sensibly be moved: half of its bounds' distance, or the size of its guess."""
+    """The amplitude of the perturbation of a variable: half of its bounds' distance, or the size of its guess."""
     loose = low < high
     if not loose.any():
         return 0.0
@@ -268,7 +323,7 @@ def _amplitude(x: FloatArray, low: FloatArray, high: FloatArray) -> float:
 
 
 def _smooth_curve(rng: np.random.Generator, s: FloatArray, pinned: FloatArray) -> FloatArray:
-    """A random curve of size about 1 on 0..1 that is 0 where the variable is pinned."""
+    """A random curve of size about 1 on 0..1 that is 0 where the variable is fixed."""
     k = np.arange(WAVES)
     weights = rng.normal(size=WAVES) / (1.0 + k)
     phases = rng.uniform(0.0, 2.0 * np.pi, WAVES)
@@ -279,7 +334,7 @@ def _smooth_curve(rng: np.random.Generator, s: FloatArray, pinned: FloatArray) -
 
 
 def _moved(rng: np.random.Generator, value: float, low: float, high: float, share: float) -> float:
-    """A parameter elsewhere: anywhere between near bounds, else some factor away."""
+    """A random value of a parameter: anywhere between narrow bounds, else multiplied by a factor."""
     draw, size = rng.random(), rng.normal()
     if low == high:
         return value
@@ -294,7 +349,7 @@ def _moved(rng: np.random.Generator, value: float, low: float, high: float, shar
 
 @dataclass(slots=True)
 class _Start:
-    """Starting values that are known node by node."""
+    """Starting values that are known at every node."""
 
     columns: dict[str, NodeValues]
     numbers: dict[str, float]

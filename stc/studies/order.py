@@ -1,8 +1,8 @@
-"""The order of convergence, observed: solve with n, 2n and 4n frames, replay each, see how fast the drift falls.
+"""The observed order of convergence: solve with n, 2n and 4n frames, replay each, and compare the drifts.
 
-A replay integrates the solved forces far more finely than the transcription did, so that its drift is the
-transcription's own error (and that of the model, if the spec's equations are wrong: then it does not fall at
-all).  With half the step an error of order p is 2^p times smaller.
+A replay integrates the solved forces with a much smaller step than the transcription, so that its drift is the
+transcription's own error (plus that of the equations, if they are wrong; then it does not decrease).  With half the
+step, an error of order p is 2^p times smaller.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ class Level:
 
 @dataclass(slots=True, kw_only=True)
 class OrderReport:
-    """How the replay converges.
+    """The convergence of the replay.
 
     Attributes:
         spec: name of the spec.
         method: transcription.
         levels: coarsest first.
         metrics: the observed order with its limit, then those of the joints.
-        notes: what a reader should know besides.
+        notes: notes for the reader.
     """
 
     spec: str
@@ -72,7 +72,7 @@ class OrderReport:
         return all(metric.verdict != "fail" for metric in self.metrics)
 
     def to_dict(self) -> dict[str, Any]:
-        """The report as JSON takes it."""
+        """The report for JSON."""
         return {
             "passed": self.passed,
             "spec": self.spec,
@@ -130,8 +130,8 @@ def observe_order(
 
     Args:
         model: the spec; its n is that of the coarsest solve.
-        method: transcription instead of the spec's own.
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
+        method: a transcription in place of the spec's own.
+        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
 
     Raises:
         UsageError: the spec cannot be refined as it is written (the message says where), or it names no model.
@@ -211,7 +211,7 @@ def _judged(problem: Problem, levels: list[Level]) -> OrderReport:
 
 
 def _require_integrals(problem: Problem) -> None:
-    """Refuse plain sums over frames: their optimum is only first-order close to the continuous one.
+    """Refuse plain sums over frames, whose optimum is only a first-order approximation of the continuous one.
 
     Raises:
         UsageError: there is one.

@@ -1,9 +1,9 @@
-"""Where the time of a solve went, and how far each part is from what it could not be below.
+"""The time of each part of a solve, and a lower bound for it.
 
-The solve runs as always, its program and its linear algebra behind stop-watches.  Floors: for evaluations, the
-machine code of the kernels alone, called again as often; for factorisations and solves, the fastest one of each
-program times their number; for everything between them, nothing.  What comes before and after is there too: where a
-cold start goes is mostly the interpreter and the imports.
+The solve runs as always, with timers around its program and its linear algebra.  The lower bounds are: for
+evaluations, the machine code of the kernels alone, called again as often; for factorisations and solves, the fastest
+one of each program times their number; for everything else, zero.  The time before and after the solve is included; a
+cold start mostly consists of the interpreter and the imports.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.records import dataclass, field
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.evaluator import Part as ProgramPart
@@ -32,7 +32,7 @@ REPEATS = 5
 
 @dataclass(slots=True, eq=False)
 class Watch:
-    """A stop-watch over the calls of one function: their number, seconds in all and of each, and the shortest.
+    """A timer for the calls of one function: their number, the total and individual seconds, and the shortest.
 
     A solve may be of several programs, as one by way of fewer frames is: the shortest call is that of the last one.
     """
@@ -57,7 +57,7 @@ class Watch:
         return timed
 
     def take(self, seconds: float, *, whole: bool = True) -> None:
-        """Count a call that took so long; one that is not ``whole`` may have been shorter than it has to be."""
+        """Count a call of this duration; one that is not ``whole`` is incomplete."""
         self.calls += 1
         self.seconds += seconds
         self.each.append(seconds)
@@ -65,18 +65,18 @@ class Watch:
             self.shortest = min(self.shortest, seconds)
 
     def prolong(self, seconds: float) -> None:
-        """Add to the last call, which was not whole."""
+        """Add to the last call, which was incomplete."""
         self.seconds += seconds
         self.each[-1] += seconds
 
     @property
     def floor(self) -> float:
-        """Seconds if every call were as short as the shortest for the same program."""
+        """Total seconds if every call were as short as the shortest for the same program."""
         calls = self.calls - self._calls_before
         return self._floor_before + (calls * self.shortest if calls else 0.0)
 
     def begin_program(self) -> None:
-        """Let the calls to come be of another program."""
+        """Assign the following calls to another program."""
         self._floor_before, self._calls_before, self.shortest = self.floor, self.calls, float("inf")
 
 
@@ -106,7 +106,7 @@ class _TimedKKT(_Timed):
         return None if call is None else self._over(call, self._watches[0], self._attempt)
 
     def resume(self, ended: int) -> Any:
-        """What is left to do after an attempt, which has been counted."""
+        """The continuation of an attempt, which has been counted."""
         begin = time.perf_counter()
         try:
             return self._inner.resume(ended)
@@ -167,10 +167,10 @@ class Part:
     """One line of the profile.
 
     Attributes:
-        name: what the time was spent on.
-        seconds: on the clock.
-        calls: how often, 0 where that means nothing.
-        floor: seconds that it could not be below as the program stands; None where nothing is known.
+        name: of the part of the work.
+        seconds: wall time.
+        calls: number of calls, 0 if that does not apply.
+        floor: lower bound in seconds for the present program; None if it is not known.
     """
 
     name: str
@@ -185,10 +185,10 @@ class Part:
 
 @dataclass(slots=True)
 class Profile:
-    """Stop-watches around one solve (of several in a row, their sum).
+    """Timers around one solve (or the sum of several in a row).
 
     Pass :meth:`minimize` as the minimiser of :meth:`stc.pipeline.Model.solve`, then ask for :meth:`parts`.
-    ``analyse`` is what is done with the sparsity of a KKT system before its first factorisation; plans made from its
+    ``analyse`` is the symbolic analysis of a KKT system before its first factorisation; plans made from its
     values count as factorising.
     """
 
@@ -204,16 +204,17 @@ class Profile:
     saving: Watch = field(default_factory=Watch)
 
     def begin(self, whole_process: bool) -> None:
-        """Note what it took to get here, and load the solver's machine code now, lest it counts where it is first used.
+        """Record the time up to here, and load the solver's machine code now, so that it is not counted at its first
+        use.
 
         Args:
-            whole_process: the process was started for this solve alone.
+            whole_process: whether the process was started for this solve alone.
         """
-        from stc.codegen.native_units import load_all
+        from stc.core.library import library
 
         self.before = time.process_time() if whole_process else 0.0
         begin = time.perf_counter()
-        load_all()
+        library()
         self.loading = time.perf_counter() - begin
 
     def minimize(
@@ -262,7 +263,7 @@ class Profile:
         ]
 
     def parts(self, solution: Solution) -> list[Part]:
-        """The lines, those of the start first; ``solution`` is what the solve gave."""
+        """The rows of the profile, those of the start first; ``solution`` is the result of the solve."""
         watched = self._parts_of_a_solve()
         known = dict(solution.seconds)
         first = [name for name in ("parse", "derive", "compile") if name in known]

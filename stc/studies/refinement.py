@@ -1,8 +1,8 @@
-"""Mesh refinement: solve, estimate the discretisation error, solve again on more frames until it is small.
+"""Mesh refinement: solve, estimate the discretisation error, and solve again on more frames until it is small.
 
-How many frames the next solve gets follows from the error and the method's order.  Where phases have frame counts
-of their own, each gets what its own error asks for; elsewhere all steps are refined alike.  Every solve starts from
-the one before, so that the finer ones take few iterations, unless that has so gross an error that it is no guess.
+The number of frames of the next solve follows from the error and the method's order.  If phases have frame counts of
+their own, each is refined according to its own error; otherwise all steps are refined alike.  Every solve starts from
+the one before, so that finer ones take few iterations, unless the error of that one is too large for a guess.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from stc.studies.grid_error import GROSS, NO_GUESS, local_grid_error
 __all__ = ["Level", "Refinement", "refine"]
 
 SAFETY = 0.5
-"""The next solve is to have this share of the tolerance."""
+"""The next solve aims at this share of the tolerance."""
 MOST_LEVELS = 20
 MOST_FRAMES = 50_000
 MOST_FROM_GROSS = 2
-"""So many times as many frames at most, where the grid error is gross."""
+"""Largest factor by which frames increase if the grid error is gross."""
 MOST_TRIES = 3
-"""So many solves in a row may lead elsewhere, or nowhere, each on fewer frames than the one before; the last one is on
-hardly more frames than the solution that it starts from, and may take long."""
+"""Number of solves in a row that may fail or find another optimum. Each is on fewer frames than the one before; the
+last one has hardly more frames than the solution that it starts from, and may take long."""
 AT_LAST = 2000
-"""Iterations of that one: along a flat valley of the objective its optimum may be far all the same."""
+"""Limit of iterations of the last one, whose optimum may still be far away along a flat valley of the objective."""
 WITHIN = 3.0
-"""So many times their estimated errors two objectives of one optimum may lie apart."""
+"""Largest difference between two objectives of the same optimum, as a multiple of their estimated errors."""
 NO_FALL = 0.95
-"""An error that falls by less than this factor twice does not fall."""
+"""The refinement stops if the error falls by less than this factor twice."""
 CONFIRM = 0.1
 """An estimate that is below the tolerance, but by less than this factor, is confirmed by a finer solve."""
 
@@ -51,17 +51,29 @@ CONFIRM = 0.1
 class Level:
     """One solve.
 
-    Attributes:
-        n: number of steps.
-        phases: number of steps in each phase with a frame count of its own.
-        status, objective, iterations, factorizations: of the solve.
-        error: the estimate that is compared with the tolerance: the largest one of the next three.
-        grid_error: the larger figure of :func:`stc.studies.grid_error.local_grid_error`.
-        local_error: local errors of all steps together, relative.
-        quadrature_error: relative error of the objective's integrals.
-        objective_error: relative error of the objective, by how it changed from the level before; 0 for the first.
-        worst: what has the largest local errors.
-        seconds: wall time of the solve.
+    Attributes
+    ----------
+    n : int
+        Number of steps.
+    phases : list[int]
+        Number of steps in each phase with a frame count of its own.
+    status, objective, iterations, factorizations
+        Results of the solve.
+    error : float
+        The estimate that is compared with the tolerance: the largest of ``local_error``,
+        ``quadrature_error`` and ``objective_error``.
+    grid_error : float
+        The larger figure of :func:`stc.studies.grid_error.local_grid_error`.
+    local_error : float
+        Local errors of all steps together, relative.
+    quadrature_error : float
+        Relative error of the objective's integrals.
+    objective_error : float
+        Relative error of the objective, from its change since the level before; 0 for the first.
+    worst : str
+        The quantity with the largest local errors.
+    seconds : float
+        Wall time of the solve.
     """
 
     n: int
@@ -81,18 +93,26 @@ class Level:
 
 @dataclass(slots=True)
 class Refinement:
-    """What refining led to.
+    """The result of a refinement.
 
-    Attributes:
-        tolerance: for the estimate.
-        levels: every solve, coarsest first.
-        solution: the best one: of those whose grid error is not gross the one on the most frames, unless one on fewer
-            is lower than the errors of both explain; where all are gross, the one with the smallest error.
-        kept: which level that is.
-        trail: the levels that each refined the one before, coarsest first: all but those that led elsewhere.
-        effort: of all solves.
-        message: why the tolerance was not reached (a spec whose frames cannot be refined is told with the place);
-            empty where it was.
+    Attributes
+    ----------
+    tolerance : float
+        Tolerance of the estimate.
+    levels : list[Level]
+        Every solve, coarsest first.
+    solution : Solution | None
+        The best one: of those whose grid error is not gross the one on the most frames, unless one on fewer
+        has a lower objective than the errors of both explain; if all are gross, the one with the smallest error.
+    kept : int
+        Index of its level.
+    trail : list[Level]
+        The levels that each refined the one before, coarsest first, without those that found another optimum.
+    effort : Effort
+        Totals of all solves.
+    message : str
+        Why the tolerance was not reached (with the position in the spec if its frames cannot be refined);
+        empty if it was.
     """
 
     tolerance: float
@@ -105,7 +125,7 @@ class Refinement:
 
     @property
     def reached(self) -> bool:
-        """Whether the estimate fell below the tolerance."""
+        """Whether the estimate is below the tolerance."""
         return not self.message
 
     @property
@@ -115,7 +135,7 @@ class Refinement:
 
     @property
     def remark(self) -> str:
-        """Which solution was kept, where that is not the last one, and which were none of a motion."""
+        """A note on the solution that was kept, if it is not the last one, and on artefacts of coarse grids."""
         told = []
         best = self.best
         if best is not self.levels[-1]:
@@ -124,14 +144,14 @@ class Refinement:
             )
         if best.grid_error <= GROSS:
             told += [
-                f"what was found with n = {one.n}, of objective {one.objective:.6g}, was that grid's and no motion"
+                f"what was found with n = {one.n}, of objective {one.objective:.6g}, was an artefact of that grid"
                 for one in self.levels
                 if one.grid_error > NO_GUESS
             ]
         return "; ".join(told)
 
     def to_dict(self) -> dict[str, Any]:
-        """The refinement as JSON takes it."""
+        """The refinement for JSON."""
         return {
             "tolerance": self.tolerance,
             "reached": self.reached,
@@ -154,18 +174,34 @@ def refine(
 ) -> Refinement:
     """Refine until the estimated discretisation error is below a tolerance.
 
-    Args:
-        model: the spec; its n is that of the coarsest solve.
-        error: what the estimate has to fall below (see :mod:`stc.studies.discretisation`).
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
-        on_level: told after every solve.
-        start: a solution of the coarsest problem, where there is one already; it is not solved again.
-        most_frames: no solve gets more.
-        **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves together.
+    Parameters
+    ----------
+    model : Model
+        The spec; its n is that of the coarsest solve.
+    error : float
+        Tolerance of the estimate (see :mod:`stc.studies.discretisation`).
+    solve : Callable[..., Solution] | None
+        Function to use in place of ``model.solve``, with the same arguments (to watch it).
+    on_level : Callable[[Level], None] | None
+        Called with the record of every solve.
+    start : Solution | None
+        A solution of the coarsest problem, if there is one already; it is not solved again.
+    most_frames : int
+        Largest number of frames.
+    **options : Any
+        Arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves together.
 
-    Raises:
-        UsageError: a tolerance that is not positive, or a motion of one frame.
-        SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
+    Returns
+    -------
+    Refinement
+        The refinement, with the best solution.
+
+    Raises
+    ------
+    UsageError
+        A tolerance that is not positive, or a motion of one frame.
+    SpecError, EvaluationError
+        Mistakes in the spec, or a start where a function is undefined.
     """
     error, most_frames = number(error, "the error of a refinement"), whole(most_frames, "most_frames")
     if not error > 0:
@@ -242,14 +278,14 @@ def refine(
 
 
 def _at_most(wanted: np.ndarray, reached: np.ndarray, growth: float) -> np.ndarray:
-    """So many times as many frames as were reached, where more are wanted; more than reached all the same."""
+    """The growth factor, limited in relation to the frames reached so far."""
     if not np.isfinite(growth):
         return wanted
     return np.minimum(wanted, np.maximum((growth * reached).round(), reached + 1)).astype(int)
 
 
 def _elsewhere(solution: Solution) -> str:
-    """Why a solve on more frames is none to go on from."""
+    """Why a solve on more frames cannot be continued from."""
     if solution.status != "optimal":
         return f"with n = {solution.n} the solve ended {solution.status}"
     return (
@@ -259,7 +295,7 @@ def _elsewhere(solution: Solution) -> str:
 
 
 def _in_the_way(found: Refinement, solution: Solution, clock: Clock, idle: int) -> str:
-    """What keeps a refinement from going on, in words; empty where nothing does."""
+    """Why a refinement cannot continue, in words; empty if it can."""
     error = found.trail[-1].error
     if idle > 1 or len(found.levels) == MOST_LEVELS:
         return f"the error no longer falls: {error:.2g} with n = {solution.n}"
@@ -277,7 +313,7 @@ def _too_many(found: Refinement, solution: Solution, most_frames: int) -> str:
 
 
 def _is_better(level: Level, best: Level) -> bool:
-    """Whether a level is to be kept instead of the best one before, which has fewer frames."""
+    """Whether a level replaces the best one before, which has fewer frames."""
     if level.status != "optimal" or best.status != "optimal":
         return level.status == "optimal"
     if best.grid_error > GROSS:
@@ -313,7 +349,7 @@ def _level(solution: Solution, phases: list[int], judged: Estimate | None, found
 
 
 def _objective_error(before: Level, judged: Estimate, solution: Solution) -> float:
-    """What is left of the objective's error if it falls from level to level as the estimate does.
+    """The remaining error of the objective if it decreases from level to level like the estimate.
 
     (L. F. Richardson's extrapolation, with the observed order in place of the method's.)
     """
@@ -326,7 +362,7 @@ def _objective_error(before: Level, judged: Estimate, solution: Solution) -> flo
 def _wanted(
     found: Refinement, counts: np.ndarray, factors: np.ndarray, judged: Estimate, method: str
 ) -> np.ndarray:
-    """How many times as many frames as at first each phase needs; more than now somewhere.
+    """The growth factor of each phase relative to the first level; more than now somewhere.
 
     Args:
         counts: steps of each phase now.
@@ -344,7 +380,7 @@ def _wanted(
 
 
 def _order(found: Refinement, method: str) -> float:
-    """The order at which the error falls, as far as the levels tell."""
+    """The order at which the error decreases, as far as the levels show."""
     if len(found.trail) < 2 or found.trail[-2].grid_error > NO_GUESS:
         return ORDER[method]
     coarse, fine = found.trail[-2:]

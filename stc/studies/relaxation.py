@@ -1,9 +1,10 @@
-"""How far one statement has to give way for others to hold: its residual in its own units.
+"""The relaxation that one statement needs for others to hold, in its own units.
 
     minimise s >= 0   subject to   lower - s <= body <= upper + s   at all frames of the statement,
                                    the others as they are
 
-One unknown more, which belongs to no frame; the statement's rows and bounds become rows with it.
+There is one additional unknown, s, which belongs to no frame; the statement's rows and bounds become rows that contain
+it.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ ITERATIONS = 300
 
 @dataclass(frozen=True, slots=True)
 class Relaxation:
-    """What a statement lacks when others hold.
+    """The relaxation that a statement needs if others hold.
 
     Attributes:
         amount: the least s, signed: positive where the statement is above its upper bound, negative below a lower one.
-        place: where it cannot be less.
+        place: the place that determines it.
         x: (N,) a point that attains it.
     """
 
@@ -144,7 +145,7 @@ def needed_relaxation(
     x: FloatArray,
     time_limit: float,
 ) -> Relaxation | None:
-    """By how much ``relation`` is missed at least while ``others`` hold, as far as the solver can tell.
+    """The least relaxation of ``relation`` while ``others`` hold, as far as the solver finds.
 
     Args:
         x: (N,) where to start.

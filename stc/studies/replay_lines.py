@@ -1,4 +1,4 @@
-"""Do the lines of a spec's replay section fit its model?  Told with their places, before anything is solved."""
+"""Check the lines of a spec's replay section against its model, before anything is solved."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def check_replay_lines(problem: Problem) -> None:
         problem: a spec, with or without a model.
 
     Raises:
-        SpecError: there is no model of that name, MuJoCo does not accept it, or lines do not fit it.
+        SpecError: the model does not exist, MuJoCo does not accept it, or lines do not fit it.
     """
     if problem.model is None:
         return
@@ -27,7 +27,7 @@ def check_replay_lines(problem: Problem) -> None:
     mistakes = []
     with caught_warnings():
         try:
-            compiled = load_model(find_model(problem.model, folder))
+            compiled = load_model(find_model(problem.model, folder), problem.additions)
         except ModelError as error:
             raise SpecError([Diagnostic("error", str(error), problem.model_span)]) from None
         for line in problem.replay:

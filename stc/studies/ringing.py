@@ -1,11 +1,11 @@
-"""Controls that alternate from node to node where nothing holds them: ringing.
+"""Ringing: controls that alternate from node to node because the objective does not determine them.
 
 On a singular arc the Hamiltonian is linear in a control, and only its effect over a step or two matters to the
-objective.  The transcription's nodes leave it free to alternate within that: under the trapezoidal rule from frame to
-frame, under hermite-simpson from midpoint to frame as well.  The solution is right but for the control (J. T. Betts,
-Practical methods for optimal control and estimation using nonlinear programming, 2010, section 4.14).  What alternates
-at every node for several steps is no motion that this grid could tell from any other: neither a control that switches,
-however often, nor one that oscillates, each of which keeps its value or its direction over some nodes.
+objective.  Between the nodes it can alternate: under the trapezoidal rule from frame to frame, under hermite-simpson
+from midpoint to frame as well.  The solution is right except for the control (J. T. Betts, Practical methods for
+optimal control and estimation using nonlinear programming, 2010, section 4.14).  A variable that alternates at every
+node for several steps is recognised as ringing.  A control that switches or oscillates keeps its value or its
+direction over some nodes.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ __all__ = ["Ringing", "ringing"]
 FloatArray = NDArray[np.float64]
 
 LEAST_NODES = 8
-"""Alternating at so many nodes one after the other is no accident."""
+"""Least number of successive nodes at which a control that rings alternates."""
 LEAST = 0.05
-"""Of the range of a control: what alternates by less is not worth a word."""
+"""Alternations below this share of the control's range are not reported."""
 ALIKE = 0.25
-"""Neighbouring alternations are at least this share of each other."""
+"""Least ratio of neighbouring alternations."""
 COST = 1e-4
-"""Of the objective: what the rate term of the remedy costs where the control goes through its range in one step."""
+"""Cost of the proposed rate term, as a share of the objective, for a control that crosses its range in one step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +45,11 @@ class Ringing:
 
     Attributes:
         variable: its name.
-        statement, place: the first equation of motion that it stands in, and where that is; "" where there is none.
-        frames: stretches, first and last frame, a half more at midpoints.
-        change: the largest one from one node to the next on these.
-        term: what to add to the objective.
-        alone: whether that is all the objective there is.
+        statement, place: the first equation of motion that contains it, and its position; "" if there is none.
+        frames: intervals, first and last frame, plus one half at midpoints.
+        change: the largest change between neighbouring nodes.
+        term: a term to add to the objective.
+        alone: whether there is no other objective.
     """
 
     variable: str
@@ -73,10 +73,12 @@ class Ringing:
             f"{' and '.join(where)}: ringing"
         )
         if self.alone:
-            return f"{rings}, since there is no objective, and nothing else decides it. A rate term does: `{self.term}`"
+            return (
+                f"{rings}, since no objective determines it. Add the rate term `{self.term}` as an objective"
+            )
         return (
-            f"{rings}, as on a singular arc, where the objective leaves it free. A rate term in the objective stops it "
-            f"at a cost of about {COST:g} of that: `{self.term}`. `--method central` often does as well"
+            f"{rings}, as on a singular arc, where the objective does not determine it. A rate term in the objective "
+            f"stops it and costs about {COST:g} of the objective: `{self.term}`. `--method central` often helps as well"
         )
 
 
@@ -84,10 +86,10 @@ def ringing(solution: Solution) -> list[Ringing]:
     """The controls of a solution that ring.
 
     Args:
-        solution: any; none ring in one that is not optimal, under central differences, or with very few frames.
+        solution: a solution; the result is empty if it is not optimal, uses central differences or has very few frames.
 
     Raises:
-        SpecError: the text that the solution carries is no spec.
+        SpecError: the text that the solution carries is not a spec.
     """
     if (
         solution.status != "optimal"
@@ -110,7 +112,7 @@ def ringing(solution: Solution) -> list[Ringing]:
 
 
 def _alternation(solution: Solution, name: str) -> tuple[list[tuple[float, float]], float]:
-    """The stretches on which a variable alternates, and the largest change there.
+    """The intervals on which a variable alternates, and the largest change there.
 
     Under hermite-simpson that may be from node to node, or from frame to frame with the midpoints between them.
     """
@@ -135,7 +137,7 @@ def _alternation(solution: Solution, name: str) -> tuple[list[tuple[float, float
 
 
 def _alternating(change: FloatArray, size: float, jumps: list[int]) -> list[tuple[int, int]]:
-    """First and last of the values on each stretch that alternates, given their changes and where they may jump."""
+    """First and last index of each interval that alternates, given the changes and the possible jumps."""
     if len(change) < LEAST_NODES:
         return []
     part = 0.25 * np.diff(change)  # what a value differs by from the mean of itself and its neighbours' mean
@@ -151,7 +153,7 @@ def _alternating(change: FloatArray, size: float, jumps: list[int]) -> list[tupl
 
 
 def _held(problem: Problem) -> set[str]:
-    """The variables that alternate at a cost, or are no controls.
+    """The variables that are not controls, or whose alternation has a cost.
 
     That is those that equations of motion determine, those whose squares the objective has, contact forces, which
     the ground shares out among its points as it likes, and unknowns of the transcription's own.

@@ -1,8 +1,8 @@
-"""Dry friction that a spec smooths: a force against a velocity that grows from zero and stays what it is.
+"""Dry friction that a spec smooths: a force that grows with the velocity from zero to a constant.
 
 Optimisers want smooth forces, so dry friction is written ``F*tanh(50*v)``, ``F*v/sqrt(v^2 + eps)`` and the like.  At
-unit velocity, where terms are compared, such a force looks like damping.  At high speeds it is what a straight line
-leaves at zero: there a force that depends on the velocity v of one joint is ``F + d*v + c*v^2``, whatever smooths F.
+unit velocity, where terms are compared, such a force looks like damping.  At high speeds a force
+that depends on the velocity v of one joint is ``F + d*v + c*v^2``, whatever function smooths F; the constant is F.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ class Smoothed:
 
     Attributes:
         joint: its name; unit: ``m`` or ``rad``.
-        friction, damping, drag: of the spec, N or N m, and per m/s or rad/s and its square.
-        given, damped: those of the model.
-        speed: from which on there is all of it but a hundredth.
-        slid: which way the joint slides along the motion, 1 or -1; 0 where it slides both ways or that is not known.
+        friction, damping, drag: those of the spec, N or N m, and per m/s or rad/s and its square.
+        given, damped: friction and damping of the model.
+        speed: speed from which friction has 99 % of its full value.
+        slid: sliding direction along the motion, 1 or -1; 0 if it slides in both or that is not known.
     """
 
     joint: str
@@ -79,8 +79,8 @@ class Smoothed:
     def __str__(self) -> str:
         model = f"{self.given:.4g} at any speed" if self.given else "none"
         text = (
-            f"joint {self.joint}: dry friction is smoothed in the spec: {self.friction:.4g} from "
-            f"{self.speed:.2g} {self.unit}/s on and less below, model {model}"
+            f"joint {self.joint}: dry friction is smoothed in the spec: {self.friction:.4g} above "
+            f"{self.speed:.2g} {self.unit}/s and less below, model {model}"
         )
         if self._damping_agrees:
             text += f"; the damping is right, {self.damping:.4g}"
@@ -92,22 +92,22 @@ class Smoothed:
 
     @property
     def step(self) -> str:
-        """What to do about it."""
+        """Advice on how to correct the spec."""
         if not self.given:
             return (
-                f"take the smoothed dry friction of joint {self.joint} out of the spec, or give the model that "
-                "friction (frictionloss) and state it by the way the joint slides"
+                f"remove the smoothed dry friction of joint {self.joint} from the spec, or give the model that "
+                "friction (frictionloss) and state it by the direction in which the joint slides"
             )
         if self.slid:
             way = "forwards" if self.slid > 0 else "backwards"
             return (
-                f"joint {self.joint} slides {way} all along: write the dry friction of that, {self.given:.4g} against "
-                "its way, in place of the smoothed term, which is too small at low speeds"
+                f"joint {self.joint} slides {way} throughout: write a constant dry friction, {self.given:.4g} against "
+                "its velocity, in place of the smoothed term, which is too small at low speeds"
             )
         return (
-            f"write the dry friction of joint {self.joint}, {self.given:.4g} against the way it slides, under range "
-            "headers that part the motion where it turns, in place of the smoothed term, which is too small at low "
-            "speeds"
+            f"write a constant dry friction of joint {self.joint}, {self.given:.4g} against its velocity, under range "
+            "headers that divide the motion where the joint reverses, in place of the smoothed term, which is too "
+            "small at low speeds"
         )
 
 
@@ -120,7 +120,7 @@ def smoothed_friction(
     mechanics: ModelEquations,
     slid: Sequence[Slid],
 ) -> tuple[list[Smoothed], list[Difference]]:
-    """The joints whose differing damping is smoothed dry friction, and the differences that this does not explain.
+    """The joints whose difference in damping is smoothed dry friction, and the differences that this does not explain.
 
     Args:
         found: differences of all terms.
@@ -156,7 +156,7 @@ class _Joint:
     def forces(self, speed: float) -> tuple[float, float] | None:
         """The odd part of the force on the joint at a velocity, of the spec and of the model; None without a value.
 
-        The spec's rows may be written any way: with the model's mass matrix their accelerations tell the force.
+        The spec's rows may be written any way: their accelerations and the model's mass matrix give the force.
         """
         j, sides = self.number, []
         for sign in (1.0, -1.0):
@@ -217,7 +217,7 @@ def _fit(joint: _Joint, speed: float) -> tuple[FloatArray, float] | None:
 
 
 def _whole_from(joint: _Joint, friction: float, damping: float, drag: float) -> float:
-    """The speed from which on there is all of the friction but a hundredth."""
+    """The speed from which friction has 99 % of its full value."""
     low, high = np.log(_SLOW), np.log(_SPEEDS[0])
     for _ in range(40):
         speed = float(np.exp(0.5 * (low + high)))

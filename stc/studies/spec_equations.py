@@ -1,7 +1,7 @@
 """A spec's equations of motion as arrays: linear in the accelerations, at any state.
 
-What a spec calls its equations of motion is not marked as such.  Between two frames (see
-:mod:`stc.phases`) its equations are sorted by what occurs in them.  Call the variables of the joint
+A spec does not mark its equations of motion.  Between two frames (see :mod:`stc.phases`) its equations are sorted by
+the symbols in them.  Call the variables of the joint
 lines *coordinates* and all others *auxiliaries* (forces, momenta, speeds of a first-order form):
 
 - an equation without accelerations of coordinates and without derivatives of auxiliaries is a *law*: given
@@ -56,7 +56,7 @@ class Linear:
     Attributes:
         matrix: (S, E, k) A.
         offset: (S, E) b.
-        state: with the auxiliaries that obey the laws.
+        state: the state, with auxiliaries that satisfy the laws.
     """
 
     matrix: FloatArray
@@ -72,8 +72,8 @@ class SpecEquations:
         auxiliaries: names of the others that take part.
         dynamic: the dynamic equations.
         laws: those that restrict auxiliaries.
-        skipped: equations with second derivatives that are not linear in them, or that reach to other frames.
-        stepping: equations without derivatives that tie what moves to its values at other frames.
+        skipped: equations with second derivatives that are not linear in them, or that contain other frames.
+        stepping: equations without derivatives that relate variables to their values at other frames.
     """
 
     def __init__(
@@ -120,14 +120,14 @@ class SpecEquations:
             if keys and not elsewhere:
                 laws.append(equation)
             elif any(k.shift for k in keys if k.name not in handed):
-                self.stepping.append(equation)  # a force that is held over some frames is no motion
+                self.stepping.append(equation)  # a force that is held over some frames is not a motion
         elif elsewhere or any(k.order > 2 for k in keys) or not is_linear(equation.body, top):
             self.skipped.append(equation)
         else:
             self.dynamic.append(equation)
 
     def _connected(self, laws: list[Equation]) -> tuple[list[Equation], list[str]]:
-        """The laws that reach dynamic equations or forces through auxiliaries, and these auxiliaries."""
+        """The laws that influence dynamic equations or forces through auxiliaries, and these auxiliaries."""
         own = set(self.coordinates)
         names = dict.fromkeys(_variables([e.body for e in self.dynamic] + self.forces))
         auxiliaries = {name: None for name in names if name not in own}
@@ -147,7 +147,7 @@ class SpecEquations:
     # -------------------------------------------------------- symbolic preparation
 
     def _prepare(self) -> None:
-        """All derivatives that numbers are later asked for."""
+        """Compute all derivatives that are evaluated later."""
         self._z = [VariableRef(name) for name in self.auxiliaries]
         self._law_bodies = [e.body for e in self.laws]
         self._law_jacobian = jacobian(self._law_bodies, self._z)
@@ -224,7 +224,7 @@ class SpecEquations:
         return self._vector(self.forces, state)
 
     def lawful(self, state: State) -> State:
-        """The same positions and velocities with the nearest auxiliaries that obey the laws."""
+        """The same positions and velocities with the nearest auxiliaries that satisfy the laws."""
         if not self.laws:
             return state
         z = state.z.copy()
@@ -278,7 +278,7 @@ def _variables(bodies: Sequence[Expr]) -> list[str]:
 
 
 def constant_values(problem: Problem, parameters: Mapping[str, float], t: float) -> dict[object, float]:
-    """Values of everything that does not move, by reference."""
+    """Values of all constants and parameters, by reference."""
     found: dict[object, float] = {ConstantRef(name): value for name, value in problem.constants.items()}
     found.update({ParameterRef(name): value for name, value in parameters.items()})
     found[TimeRef()] = t

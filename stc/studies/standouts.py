@@ -1,4 +1,4 @@
-"""What stands out at a point where a solve got stuck: large residuals, dependent rows, missing values."""
+"""Anomalies at a point where a solve failed: large residuals, dependent rows, undefined values."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PROBE_SIZE = 1e-2
 
 
 def largest_residuals(bound: BoundProgram, x: FloatArray, most: int = 100) -> list[tuple[int, float]]:
-    """Rows that ``x`` (n,) misses, the worst first, with what is missing: positive above the upper bound."""
+    """Rows that ``x`` (n,) violates, the worst first, with the violation: positive above the upper bound."""
     _, rows = bound.values(x)
     off = signed_violations(bound, rows)
     with np.errstate(invalid="ignore"):
@@ -38,7 +38,7 @@ def largest_residuals(bound: BoundProgram, x: FloatArray, most: int = 100) -> li
 
 
 def undefined_nearby(bound: BoundProgram, x: FloatArray, seed: int = 0) -> IntArray:
-    """Rows that have no value a small step from ``x`` (n,), or no finite slope at it, in their own order."""
+    """Rows that are undefined a small step from ``x`` (n,), or not differentiable at it, in their own order."""
     _, jac, _ = bound.derivatives(x, np.zeros(bound.m), 0.0)
     wrong = np.zeros(bound.m, bool)
     wrong[bound.jac_rows[~np.isfinite(jac)]] = True

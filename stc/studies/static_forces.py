@@ -1,4 +1,4 @@
-"""Which of the forces that act without acceleration differs: gravity, or one that the spec hands over."""
+"""The static force that differs: gravity, or one that the spec passes to the model."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ class _Part:
 def static_forces_named(
     found: Sequence[Difference], tables: Tables, gap: FloatArray, mechanics: ModelEquations
 ) -> list[Difference]:
-    """Differences, those of static forces called by the one that differs where there are several.
+    """Differences, with those of static forces named after the force that differs, if there are several.
 
-    One whose share in a row is the same multiple of the difference at all positions is the one, if no other is. Where
-    that cannot be told all that act are named.
+    A force explains a difference if it is the same multiple of it at all positions, and no other force is.  Otherwise
+    all acting forces are named.
 
     Args:
         found: differences of all terms, dry friction named.
-        tables: what they were found in.
+        tables: the tables that contain these differences.
         gap: (S, k) spec's less model's in the column without accelerations.
         mechanics: the model.
     """
@@ -82,7 +82,7 @@ def _multiple(gap: FloatArray, forces: FloatArray) -> bool:
 
 
 def _parts(tables: Tables, mechanics: ModelEquations) -> list[_Part]:
-    """What the model's side of the column without accelerations consists of, gravity and springs first."""
+    """The terms of the model's side in the column without accelerations, gravity and springs first."""
     base, k = tables.base, len(mechanics.joints)
     still, friction = np.zeros_like(base.q), np.zeros_like(base.q)
     for s, (q, qd) in enumerate(zip(base.q, base.qd)):

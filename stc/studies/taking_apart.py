@@ -1,8 +1,8 @@
 """Both sides of the equations of motion as tables: a row per joint, a column per term.
 
-At rest and at unit velocities each static force, product of velocities and damping is a column of its own. Where the
-equations have no value there (friction against the direction of a velocity has none at rest), static forces and what
-velocities add to them are one column, at the random velocities at which everything has a value.
+Each static force, product of velocities and damping has a column, evaluated at rest and at unit velocities.  If the
+equations are undefined there (friction against the direction of a velocity is undefined at rest), static and
+velocity-dependent forces share a column, evaluated at random velocities.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Tables:
 
 
 def static_words(mechanics: ModelEquations) -> str:
-    """What a model's static forces are called."""
+    """The names of a model's static forces."""
     return "static force (gravity and springs)" if mechanics.has_springs else "gravity"
 
 
@@ -76,7 +76,7 @@ class _NoValueError(Exception):
 
 
 class TakingApart:
-    """Takes the rows of one phase apart."""
+    """Builds the tables of one phase."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class TakingApart:
         maps: FloatArray,
         forces: Sequence[str],
     ) -> None:
-        """What the tables are made from.
+        """The source of the tables.
 
         Args:
             mechanics: the model.
@@ -105,7 +105,7 @@ class TakingApart:
         self.model: list[FloatArray] = []
 
     def tables(self) -> Tables | None:
-        """As many columns as there are values for; None where there are none for any."""
+        """As many columns as can be evaluated; None if there are none."""
         z, v = self.base.state.z, self.base.state.v
         still, quiet = np.zeros_like(v), np.zeros_like(z)
         for make, velocity, force in (
@@ -128,7 +128,7 @@ class TakingApart:
         return found
 
     def _sides(self, v: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What is left of either side without accelerations, (S, k) each."""
+        """The residuals of either side without accelerations, (S, k) each."""
         at = self._at(v, z)
         return at.offset[:, self.rows], at.bias - at.force
 
@@ -168,7 +168,7 @@ class TakingApart:
         return self._made(base, at_rest=True)
 
     def _together(self, v: FloatArray, z: FloatArray) -> Tables:
-        """What velocities add to static forces stays with them, at random velocities."""
+        """Static and velocity-dependent forces in one column, at random velocities."""
         base = self._at(v, z)
         self._begin(TOGETHER, TOGETHER, base)
         self._controls(v, z)

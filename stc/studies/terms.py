@@ -1,4 +1,4 @@
-"""Equations of motion taken apart into terms, and two such sets compared entry by entry.
+"""Equations of motion as tables of terms, and the comparison of two tables entry by entry.
 
 Written for joint j as ``sum_i M_ji a_i + (static) + (products of velocities) + (damping) - (forces) = 0``, the
 equations of motion at one position are a table: a row per joint, a column per term.  A spec may write its rows
@@ -39,7 +39,7 @@ class Term:
     joint: str = ""
 
     def of(self, joint: str) -> str:
-        """How the entry in a joint's row is called."""
+        """The name of the entry in a joint's row."""
         return f"mass matrix entry ({joint}, {self.joint})" if self.kind == MASS else self.words
 
 
@@ -49,7 +49,7 @@ class Difference:
 
     Attributes:
         joint: whose row it is in.
-        term: what the entry is called there.
+        term: the name of the entry.
         kind: of the term.
         spec: value according to the spec, at the state where the difference is largest.
         model: value according to the model.
@@ -74,7 +74,8 @@ class Difference:
 def differences(
     spec: FloatArray, model: FloatArray, terms: Sequence[Term], joints: Sequence[str]
 ) -> list[Difference]:
-    """Where two tables differ, first the entry that differs most for the size of its kind in its own row.
+    """The entries in which two tables differ; first the one with the largest difference relative to its kind in its
+    row.
 
     A wrong inertia somewhere in a chain adds the same to the rows of all joints before it; it weighs most in the
     row of the joint that carries least.
@@ -102,7 +103,7 @@ def differences(
 
 
 def scales(model: FloatArray, spec: FloatArray, terms: Sequence[Term]) -> FloatArray:
-    """(S, C) what an entry of each column is small against: the largest of its kind, in the model if it has any."""
+    """(S, C) the scale of each column: the largest entry of its kind, in the model if there is any."""
     groups: dict[object, list[int]] = {}
     for column, term in enumerate(terms):
         # Static forces and those of unit velocities are of one order; each outer force has its own.
@@ -123,7 +124,7 @@ def matched(
     """The spec's table with its rows sorted, scaled or combined so that the fewest entries differ.
 
     Rows that belong to coordinates are balances of generalised forces on them, which ``joint_maps`` alone turns into
-    those on the joints: a wrong mass would not be told from a wrong force if they could be scaled.
+    those on the joints: if they could be scaled, a wrong mass could not be distinguished from a wrong force.
 
     Args:
         spec: (S, k, C) table at S states, rows as the spec writes them.
@@ -179,7 +180,7 @@ def _best_factor(row: FloatArray, target: FloatArray, scale: FloatArray) -> tupl
     """Per state the factor that makes most entries of ``row`` (S, C) those of ``target``, and the agreement.
 
     A mistake in one constant may change most entries of a row and leave them proportional, so that another
-    scale would make a few more agree.  Rows are mostly written as what they are, a balance of forces: 1 and -1
+    scale would make a few more agree.  Most rows are written as a balance of forces: 1 and -1
     have the advantage of an entry more for each that the row has.
     """
     ratios = target / row

@@ -51,10 +51,10 @@ UNDETERMINED = 1e-13
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """How well data determine parameters.
+    """The standard errors of estimated parameters.
 
     Attributes:
-        residuals: how many there are.
+        residuals: number of residuals.
         freedom: residuals less degrees of freedom of the fit.
         deviation: residual standard deviation, sqrt(S/freedom), in the units of the residuals.
         errors: standard error of each parameter; infinite where the data do not determine it, 0 where a bound holds it.
@@ -85,33 +85,34 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
         solution: of it, optimal.
 
     Raises:
-        UsageError: the solution is not optimal, or of another problem; there are no parameters, the objective is no
-            sum of squares over the rows of data sets, or has not more residuals than the fit has degrees of freedom.
+        UsageError: the solution is not optimal, or of another problem; there are no parameters, the objective is not a
+            sum of squares over the rows of data sets, or does not have more residuals than the fit has degrees of
+            freedom.
     """
     if solution.status != "optimal":
         raise UsageError(f"only an optimal solution has standard errors, and this one is {solution.status}")
     problem, transcription = model.transcription(solution.method, **solution.overrides)
     terms = [(term, squares_in(term.body)) for term in problem.objective]
     if not problem.parameters or not terms:
-        raise UsageError("what has standard errors are parameters, and the spec estimates none")
+        raise UsageError("standard errors belong to parameters, and the spec estimates none")
     other = next((term for term, found in terms if not term.rows or not found), None)
     if other is not None:
         raise UsageError(
-            f"no standard errors: `{other.text}` is no square on the rows of data",
+            f"no standard errors: `{other.text}` is not a square on the rows of data",
             "they follow from squares, as in `[walk]: (q - walk.q)^2;`, each perhaps with a known weight",
         )
     bound = transcription.bind(problem.constants, start=solution.x, check=False)
     if len(solution.x) != bound.n or len(solution.row_multipliers) != bound.m:
         raise UsageError("this solution is of another problem: it has other unknowns and rows")
     residuals, rows, cols, slopes = _residuals(transcription, terms, solution.x)
-    free = np.flatnonzero(~_held(solution.x, bound.x_lower, bound.x_upper, solution.bound_multipliers))
+    free = np.flatnonzero(~held(solution.x, bound.x_lower, bound.x_upper, solution.bound_multipliers))
     values = bound.values(solution.x)[1].copy()
-    active = np.flatnonzero(_held(values, bound.row_lower, bound.row_upper, solution.row_multipliers))
+    active = np.flatnonzero(held(values, bound.row_lower, bound.row_upper, solution.row_multipliers))
     count, freedom = len(residuals), len(residuals) - (len(free) - len(active))
     if freedom <= 0:
         unknown = count - freedom
         raise UsageError(
-            f"no standard errors: {count} residuals for {unknown} unknowns that nothing else determines"
+            f"no standard errors: {count} residuals for {unknown} unknowns that only the data determine"
         )
     jacobian = bound.derivatives(solution.x, solution.row_multipliers, 1.0)[1]
     places = np.array([transcription.layout.parameters[name] for name in problem.parameters])
@@ -131,12 +132,12 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
 
 
 def of_solution(solution: Solution) -> Uncertainty:
-    """The same for any solution; the spec of one from a file is read anew from the text that it carries."""
+    """The same for any solution; the spec of one from a file is parsed from the text in it."""
     return uncertainty(model_of(solution), solution)
 
 
 def squares_in(e: Expr) -> list[Expr]:
-    """The expressions whose squares an expression adds up; empty where it is no such sum."""
+    """The expressions whose squares an expression sums; empty if it is not such a sum."""
     if e.op == "add":
         parts = [squares_in(arg) for arg in e.args]
         return [each for part in parts for each in part] if all(parts) else []
@@ -158,10 +159,10 @@ def _is_known(e: Expr) -> bool:
     return all(isinstance(key, ConstantRef | CellRef) for key in symbols(e))
 
 
-def _held(
+def held(
     values: FloatArray, lower: FloatArray, upper: FloatArray, multipliers: FloatArray
 ) -> NDArray[np.bool_]:
-    """What equal bounds, or a bound with a multiplier, do not let move."""
+    """The directions that equal bounds, or a bound with a multiplier, fix."""
     pulled = np.abs(multipliers) > HELD * max(1.0, float(np.abs(multipliers).max(initial=0.0)))
     bound = np.where(multipliers > 0.0, upper, lower)
     with np.errstate(invalid="ignore"):
@@ -216,7 +217,7 @@ _Entries = tuple[FloatArray, NDArray[Any], NDArray[Any]]
 
 
 class _Sparse:
-    """The system above, for a program of n unknowns and m rows with so many residuals."""
+    """The system above, for a program of n unknowns, m rows and the given number of residuals."""
 
     def __init__(self, n: int, residuals: int, m: int) -> None:
         self.n, self.residuals, self.m = n, residuals, m
@@ -230,7 +231,7 @@ class _Sparse:
             slopes: Jacobian of the residuals.
             jacobian: that of the rows.
             free: unknowns that no bound holds.
-            active: rows that do not let go.
+            active: active rows.
         """
         from scipy.sparse import coo_array, csc_array
         from scipy.sparse.linalg import splu

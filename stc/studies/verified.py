@@ -1,13 +1,12 @@
-"""Solve until MuJoCo agrees: solve, replay, give more frames where the replay disagrees, and again.
+"""Solve until MuJoCo agrees: solve, replay, add frames where the replay disagrees, and repeat.
 
-Every round is judged by the drift of the replay: of the open loop, or where the motion multiplies small errors of
-the replay with feedback.  Motions on the ground are judged by the replay in which the solved contact forces act,
-and then by the one with the simulator's own contacts: tracked, or open loop where small errors hardly grow or no
-feedback can act.  Which steps are at fault is asked of MuJoCo too: each step is simulated on its own from the solved
-state (:mod:`stc.validate.steps`).
+Every round is judged by the drift of the replay: open loop, or with feedback if small errors grow along the motion.
+Motions on the ground are judged by the replay in which the solved contact forces act, and then by the one with the
+simulator's own contacts: tracked, or open loop where small errors hardly grow or no feedback can act.  To find the
+steps with the largest errors, each step is simulated alone from the solved state (:mod:`stc.validate.steps`).
 
-More frames cannot mend everything.  Wrong equations of motion are looked for after the first solve; what else stands
-in the way (contacts softer than rigid ones, a drift that does not fall, no more frames or time) is said in words.
+More frames do not correct every error.  Wrong equations of motion are detected after the first solve; other reasons
+(contacts softer than rigid ones, a drift that does not decrease, no more frames or time) are given in the message.
 """
 
 from __future__ import annotations
@@ -43,13 +42,13 @@ if TYPE_CHECKING:
 __all__ = ["Round", "Verification", "solve_until_verified"]
 
 SAFETY = 0.5
-"""The next round is to have this share of the tolerance."""
+"""The next round aims at this share of the tolerance."""
 MOST_ROUNDS = 10
 MOST_FRAMES = 20_000
 NO_FALL = 0.7
-"""A drift that is not below this share of the last one, with more frames, does not fall."""
+"""The search stops if, with more frames, the drift is not below this share of the last one."""
 SURELY_WRONG = 1e-6
-"""An inverse-dynamics residual above this share is no rounding, even where the equations agree."""
+"""An inverse-dynamics residual above this share is not a rounding error, even if the equations agree."""
 SOLVER_SHARE, LOOSEST, TIGHTEST = 1e-4, 1e-8, 1e-12
 """The solver's tolerance as a share of the drift's, and the range that it is kept in."""
 
@@ -58,16 +57,25 @@ SOLVER_SHARE, LOOSEST, TIGHTEST = 1e-4, 1e-8, 1e-12
 class Round:
     """One solve and its replay.
 
-    Attributes:
-        n: number of steps.
-        phases: number of steps in each phase with a frame count of its own.
-        status, objective, iterations, factorizations: of the solve.
-        judged_by: ``open loop``, ``tracked`` or ``contact forces`` (solved ones in place of the simulator's contacts);
-            empty where nothing was replayed.
-        drift: largest distance of a joint or output from the solved one over the frames, in m or rad.
-        subject: whose.
-        step_error: all steps' errors, each simulated on its own, together, in m and rad.
-        seconds: wall time of the solve.
+    Attributes
+    ----------
+    n : int
+        Number of steps.
+    phases : list[int]
+        Number of steps in each phase with a frame count of its own.
+    status, objective, iterations, factorizations
+        Results of the solve.
+    judged_by : str
+        ``open loop``, ``tracked`` or ``contact forces`` (solved ones in place of the simulator's contacts);
+        empty without a replay.
+    drift : float
+        Largest distance of a joint or output from the solved one over the frames, in m or rad.
+    subject : str
+        The joint or output with this distance.
+    step_error : float
+        The sum of the errors of all steps, each simulated alone, in m and rad.
+    seconds : float
+        Wall time of the solve.
     """
 
     n: int
@@ -85,15 +93,22 @@ class Round:
 
 @dataclass(slots=True)
 class Verification:
-    """What came of it.
+    """The result of :func:`solve_until_verified`.
 
-    Attributes:
-        tolerance: for the drift, in m and rad.
-        rounds: in order.
-        solution: the last optimal one (the first one where that was not optimal).
-        equations: the comparison of the equations of motion, where it was made.
-        effort: of all solves.
-        message: what stands in the way; empty where the drift is below the tolerance.
+    Attributes
+    ----------
+    tolerance : float
+        Tolerance of the drift, in m and rad.
+    rounds : list[Round]
+        The rounds in order.
+    solution : Solution | None
+        The last optimal solution (that of the first solve if it was not optimal).
+    equations : EquationReport | None
+        The comparison of the equations of motion, if it was made.
+    effort : Effort
+        Totals of all solves.
+    message : str
+        Why the tolerance was not reached; empty if it was.
     """
 
     tolerance: float
@@ -109,7 +124,7 @@ class Verification:
         return not self.message
 
     def to_dict(self) -> dict[str, Any]:
-        """The outcome as JSON takes it."""
+        """The result for JSON."""
         return {
             "tolerance": self.tolerance,
             "verified": self.verified,
@@ -128,21 +143,39 @@ def solve_until_verified(
     most_frames: int = MOST_FRAMES,
     **options: Any,
 ) -> Verification:
-    """Add frames until the replay's drift is below a tolerance, or say what stands in the way.
+    """Add frames until the replay's drift is below a tolerance, or report why that is not possible.
 
-    Args:
-        model: the spec, with a ``replay:`` section; its n is that of the first solve.
-        drift: what the replay's has to fall below, in m and rad.
-        solve: used in place of ``model.solve``, with the same arguments (to watch it).
-        on_round: told after every round.
-        start: a solution of the first problem, where there is one already; it is not solved again.
-        most_frames: no solve gets more.
-        **options: of :meth:`stc.pipeline.Model.solve`; a time limit is for all solves and replays together.
+    Parameters
+    ----------
+    model : Model
+        The spec, with a ``replay:`` section; its n is that of the first solve.
+    drift : float
+        Tolerance of the replay's drift, in m and rad.
+    solve : Callable[..., Solution] | None
+        Function to use in place of ``model.solve``, with the same arguments (to watch it).
+    on_round : Callable[[Round], None] | None
+        Called with the record of every round.
+    start : Solution | None
+        A solution of the first problem, if there is one already; it is not solved again.
+    most_frames : int
+        Largest number of frames.
+    **options : Any
+        Arguments of :meth:`stc.pipeline.Model.solve`; a time limit applies to all solves and replays
+        together.
 
-    Raises:
-        UsageError: a tolerance that is not positive, a motion of one frame, or a spec that names no model.
-        ModelError: the model is missing, or a replay line does not fit it.
-        SpecError, EvaluationError: mistakes in the spec, or a start where a function is undefined.
+    Returns
+    -------
+    Verification
+        The rounds, with the last optimal solution.
+
+    Raises
+    ------
+    UsageError
+        A tolerance that is not positive, a motion of one frame, or a spec that names no model.
+    ModelError
+        The model is missing, or a replay line does not fit it.
+    SpecError, EvaluationError
+        Mistakes in the spec, or a start where a function is undefined.
     """
     drift, most_frames = number(drift, "the drift"), whole(most_frames, "most_frames")
     if not drift > 0:
@@ -203,14 +236,14 @@ def solve_until_verified(
 
 @dataclass(frozen=True, slots=True)
 class _Judged:
-    """What MuJoCo says of a solution.
+    """The judgement of a solution by MuJoCo.
 
     Attributes:
-        replays: all that was simulated.
-        by: which of them judges.
-        drift, subject: the largest drift in it, and whose.
-        ground: the largest drift with the simulator's own contacts, of what, and whether feedback was at work: where
-            small errors grow and it can be; None where there are no contacts.
+        replays: the simulations.
+        by: the one that is decisive.
+        drift, subject: the largest drift in it, and its joint or output.
+        ground: the largest drift with the simulator's own contacts, its subject, and whether feedback was used (if
+            small errors grow and actuators can steer); None without contacts.
         steps: (n,) error of each step alone.
     """
 
@@ -239,7 +272,7 @@ class _Judged:
 
 
 def _largest(setup: Setup, motion: Replay) -> tuple[float, str]:
-    """The largest drift of a replay, and of what."""
+    """The largest drift of a replay, and its subject."""
     drifts = {f"joint {tie.name}": drift_of(tie.distances(motion.positions))[0] for tie in setup.ties}
     for k, output in enumerate(setup.outputs):
         drifts[f"output {output.line.name}"] = drift_of(output.distances(motion.outputs[:, k]))[0]
@@ -264,7 +297,7 @@ def _round(solution: Solution, counts: np.ndarray, judged: _Judged | None) -> Ro
 
 
 def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> str:
-    """Why no number of frames would help, in words, or nothing.
+    """Why more frames would not help, in words, or "".
 
     The solved forces have to give the solved accelerations in MuJoCo, instant by instant.  Where they do not, or where
     that cannot be said, the equations of motion are compared term by term.
@@ -272,7 +305,7 @@ def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> 
     setup = judged.replays.setup
     beyond = beyond_limits(setup)
     if beyond and judged.drift > found.tolerance:
-        return f"{beyond[0]}, which no frames mend"
+        return f"{beyond[0]}, which more frames cannot correct"
     inverse = inverse_dynamics(setup)
     shares = None if inverse is None else inverse.share(inverse.at_nodes)
     if inverse is not None and shares is not None and np.all(shares <= inverse.limits(solution.method)):
@@ -284,28 +317,31 @@ def _wrong_physics(found: Verification, solution: Solution, judged: _Judged) -> 
     except StcError:  # the spec's rows are no equations of motion at random states: the drift has to tell
         found.equations = None
     if found.equations is not None and found.equations.findings:
-        return f"the equations of motion are not the model's, which no frames mend: {found.equations.findings[0]}"
+        return (
+            "the equations of motion differ from the model's, which more frames cannot correct: "
+            f"{found.equations.findings[0]}"
+        )
     if shares is not None and float(shares.max()) > SURELY_WRONG:
         worst = setup.reference.dofs[int(shares.argmax())]
         return (
             f"the solved forces do not give the solved accelerations in the model: at joint {worst} "
-            f"{float(shares.max()):.2g} of the largest force is missing, which no frames mend; compare the lines "
-            "of the replay section with the model"
+            f"{float(shares.max()):.2g} of the largest force is missing, which more frames cannot correct; compare the "
+            "lines of the replay section with the model"
         )
     return ""
 
 
 def _in_the_way(found: Verification, judged: _Judged, clock: Clock) -> str:
-    """What keeps the drift above the tolerance, as far as the rounds tell."""
+    """Why the drift is above the tolerance, as far as the rounds show."""
     now = found.rounds[-1]
     if judged.drift <= found.tolerance:
         if judged.ground is not None and judged.ground[0] > found.tolerance:
             drift, subject, steered = judged.ground
             how = ", with feedback," if steered else ""
             return (
-                f"MuJoCo's own contacts{how} leave {subject} {drift:.2g} away; with the solved contact "
-                f"forces in their place it is {judged.drift:.2g}, so that what is left is the model's contact (its "
-                "softness, friction and time step) and no number of frames mends it"
+                f"with MuJoCo's own contacts{how} {subject} is {drift:.2g} away; with the solved contact "
+                f"forces in their place it is {judged.drift:.2g}. The rest is due to the model's contact (its "
+                "softness, friction and time step), which more frames cannot correct"
             )
         return ""
     if clock.is_over:
@@ -321,8 +357,8 @@ def _in_the_way(found: Verification, judged: _Judged, clock: Clock) -> str:
     growth = judged.replays.growth
     grows = "" if growth is None else f"; small errors grow up to {growth:.3g} times along the motion"
     return (
-        f"more frames no longer bring MuJoCo nearer: {_state(now)}, after {before.drift:.2g} with n = {before.n}; "
-        f"all steps alone come to {now.step_error:.2g}{grows}"
+        f"more frames no longer reduce the drift: {_state(now)}, after {before.drift:.2g} with n = {before.n}; "
+        f"the errors of all single steps add up to {now.step_error:.2g}{grows}"
     )
 
 
@@ -333,7 +369,7 @@ def _state(now: Round) -> str:
 def _wanted(
     found: Verification, counts: np.ndarray, factors: np.ndarray, judged: _Judged, method: str
 ) -> np.ndarray:
-    """How many times as many frames as at first each phase gets in the next round; more than now somewhere."""
+    """The growth factor of each phase relative to the first round; more than now somewhere."""
     ends = np.concatenate([[0], np.cumsum(counts)])
     errors = np.array([float(judged.steps[a:b].sum()) for a, b in pairwise(ends)])
     grids = [(one.n, one.drift) for one in found.rounds[-2:]]

@@ -7,7 +7,7 @@
     found.solution(4)                   # the motion of point 4
 
 :mod:`stc.sweeps.grid` says which points there are and from which neighbour each starts, :mod:`stc.sweeps.point` solves
-one of them, :mod:`stc.sweeps.workers` does so on several processors or machines, and :mod:`stc.sweeps.folder` keeps
+one of them, :mod:`stc.workers` does so on several processors or machines, and :mod:`stc.sweeps.folder` keeps
 what was found.
 """
 

@@ -1,8 +1,8 @@
-"""The folder of a sweep: what is swept, what each point came to, and the table of all.
+"""The folder of a sweep: its definition, the results of its points, and the table.
 
-``sweep.json`` says what is swept, ``points/K.json`` what point K came to; its motion is in ``points/K.npz``.  All files
-are written whole or not at all, that of a point's facts last: a point is done where this one is there.  ``table.csv``
-(``table.parquet`` as well, where pyarrow is installed) has a row for each point and is written anew each time.
+``sweep.json`` defines the sweep, ``points/K.json`` has the facts of point K, and ``points/K.npz`` its motion.  Every
+file is written completely or not at all, the facts of a point last: a point is done if its facts exist.  ``table.csv``
+(and ``table.parquet``, if pyarrow is installed) has a row for each point and is rewritten each time.
 """
 
 from __future__ import annotations
@@ -42,12 +42,16 @@ FACTS = (
 
 @dataclass(slots=True)
 class Sweep:
-    """What a sweep has found so far.
+    """The results of a sweep so far.
 
-    Attributes:
-        folder: where it is kept.
-        grid: its points.
-        facts: by the index of each point that is done, what it came to: see :class:`stc.sweeps.point.Found`.
+    Attributes
+    ----------
+    folder : Path
+        The folder of the sweep.
+    grid : Grid
+        The points of the sweep.
+    facts : dict[int, dict[str, Any]]
+        The facts of each point that is done, by its index: see :class:`stc.sweeps.point.Found`.
     """
 
     folder: Path
@@ -61,7 +65,7 @@ class Sweep:
 
     @property
     def good(self) -> bool:
-        """Whether all points are done, each with an optimum that the replay, where there was one, did not fail."""
+        """Whether all points are done, each with an optimum that did not fail in a replay."""
         return self.complete and all(is_good(facts) for facts in self.facts.values())
 
     def _repr_html_(self) -> str:
@@ -69,10 +73,12 @@ class Sweep:
         return str(import_module("stc.notebooks").of_sweep(self))
 
     def solution(self, index: int) -> Solution:
-        """The motion of a point.
+        """The motion of a point, as a :class:`stc.Solution`.
 
-        Raises:
-            UsageError: the point is not done, or no solution was found there.
+        Raises
+        ------
+        UsageError
+            The point is not done, or no solution was found there.
         """
         file = motion_file(self.folder, index)
         if index not in self.facts or not file.is_file():
@@ -80,7 +86,9 @@ class Sweep:
         return read(file)
 
     def columns(self) -> dict[str, list[Any]]:
-        """The table, column by column: ``point``, the constants, then :data:`FACTS`; the points that are done."""
+        """The columns of the table by name: ``point``, the constants, then :data:`FACTS`; a row for each point that is
+        done.
+        """
         done = sorted(self.facts)
         found: dict[str, list[Any]] = {"point": done}
         for name in self.grid.axes:
@@ -91,29 +99,46 @@ class Sweep:
 
 
 def is_good(facts: Mapping[str, Any]) -> bool:
-    """Whether a point has an optimum that no replay failed."""
+    """Whether a point has an optimum that did not fail in a replay."""
     return facts["status"] == "optimal" and facts["verdict"] != "failed"
 
 
 def facts_file(folder: Path, index: int) -> Path:
-    """Where a point's facts are kept."""
+    """The file of a point's facts."""
     return folder / "points" / f"{index}.json"
 
 
 def motion_file(folder: Path, index: int) -> Path:
-    """Where a point's motion is kept."""
+    """The file of a point's motion."""
     return folder / "points" / f"{index}.npz"
 
 
-class Folder:
-    """A folder that takes up a sweep, or already holds a part of it.
-
-    Args:
-        path: of the folder, which is made where it is missing.
-        about: what is swept, as JSON takes it; the same for all runs of one sweep.
+def points_of(path: Path) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
+    """What the folder of a sweep says is swept, and what each point that is done came to, by index.
 
     Raises:
-        UsageError: the folder holds another sweep, or files that no sweep has written.
+        UsageError: it is no folder of a sweep, or a file in it cannot be read.
+    """
+    manifest = path / "sweep.json"
+    if not manifest.is_file():
+        raise UsageError(
+            f"{path} is no folder of a sweep", "`stc sweep SPEC --set NAME=VALUES -o FOLDER` makes one"
+        )
+    found = {
+        int(file.stem): _json(file) for file in (path / "points").glob("*.json") if file.stem.isdecimal()
+    }
+    return _json(manifest), found
+
+
+class Folder:
+    """A folder for a new sweep, or one that holds a part of this sweep.
+
+    Args:
+        path: the folder, which is created if it is missing.
+        about: the definition of the sweep for JSON; the same for all runs of one sweep.
+
+    Raises:
+        UsageError: the folder holds another sweep, or files that do not belong to a sweep.
     """
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
@@ -123,7 +148,7 @@ class Folder:
         if manifest.is_file():
             self._require_same(_json(manifest), wanted)
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise UsageError(f"{path} is no folder of a sweep, and not empty", "name a new folder with -o")
+            raise UsageError(f"{path} is not a folder of a sweep, and not empty", "name a new folder with -o")
         (path / "points").mkdir(parents=True, exist_ok=True)
         if not manifest.is_file():
             _write_json(manifest, wanted)
@@ -143,14 +168,10 @@ class Folder:
         Raises:
             UsageError: a file that cannot be read.
         """
-        found = {}
-        for file in (self.path / "points").glob("*.json"):
-            if file.stem.isdecimal() and int(file.stem) < len(grid):
-                found[int(file.stem)] = _json(file)
-        return found
+        return {index: facts for index, facts in points_of(self.path)[1].items() if index < len(grid)}
 
     def keep(self, found: Found) -> None:
-        """Write what a point came to."""
+        """Write the result of a point."""
         if found.file is not None:
             with replacing(motion_file(self.path, found.index)) as temporary:
                 temporary.write_bytes(found.file)

@@ -1,10 +1,10 @@
-"""The points of a sweep, and the neighbour that each of them starts from.
+"""The points of a sweep, and the neighbour from which each of them starts.
 
-The values of each constant form an axis, in increasing order; the points are all combinations.  On every axis a binary
-tree is laid over the values: its root is the value nearest to the spec's own, for which the spec's guess was written,
-and each half of what is left is split in its middle.  A point's parent is its neighbour in one of these trees, on the
-axis where it lies deepest and where its parent is therefore nearest.  So the parent of a point depends on the grid
-alone; a sweep over k points of one axis takes some log2(k) rounds, in each of which all points can be solved at once.
+The values of each constant form an axis, in increasing order; the points are all combinations.  On every axis the
+values form a binary tree: its root is the value closest to the spec's own, for which the spec's guess was written, and
+each remaining part is split in the middle.  A point's parent is its neighbour in one of these trees, on the axis on
+which the point is at the deepest level, so that the parent is close.  The parent thus depends on the grid alone.  A
+sweep over k points of one axis takes about log2(k) rounds; all points of a round can be solved at the same time.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Grid:
         return self._index(at)
 
     def rounds(self) -> list[list[int]]:
-        """The points in the order in which they are solved: the parents of a round's points are in rounds before it."""
+        """The points in the order of their solution; parents belong to an earlier round than their children."""
         found: dict[int, list[int]] = {}
         for index in range(len(self)):
             depth = sum(tree[1][k] for tree, k in zip(self._trees, self._coordinates(index)))
@@ -101,7 +101,7 @@ def _values(name: str, given: Iterable[float]) -> tuple[float, ...]:
 
 
 def _tree(values: Sequence[float], own: float | None) -> tuple[list[int], list[int]]:
-    """For each value of an axis its parent's position and its level; the root is its own parent, at level 0."""
+    """The position of the parent and the level of each value of an axis; the root is its own parent, at level 0."""
     root = len(values) // 2
     if own is not None and math.isfinite(own):
         root = min(range(len(values)), key=lambda k: abs(values[k] - own))

@@ -1,4 +1,4 @@
-"""The objective of a sweep, drawn over the constant with the most values."""
+"""The plot of a sweep: the objective over the constant with the most values."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ _GOOD, _BAD = "#0072b2", "#d55e00"
 
 
 def draw(sweep: Sweep) -> Figure:
-    """A figure: a line for each combination of the other constants, coloured by the next longest axis.
+    """A figure with a line for each combination of the other constants, coloured by the constant with the second most
+    values.
 
-    Points without an optimum or that the replay failed are crossed out; those without an objective are left out.
+    Points without an optimum, or that failed in the replay, are crossed out; points without an objective are left out.
     """
     from matplotlib.figure import Figure
 
@@ -55,7 +56,7 @@ def draw(sweep: Sweep) -> Figure:
 
 
 def _colours(figure: Figure, plot: Any, sweep: Sweep, name: str | None) -> Any:
-    """What colour a value of a constant has, with the scale drawn beside the plot."""
+    """The colour of each value of a constant, and the scale drawn beside the plot."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize

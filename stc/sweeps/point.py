@@ -1,13 +1,11 @@
-"""One point of a sweep: solved, judged, and handed back as bytes.
+"""One point of a sweep: solve it, judge it, and return the result as bytes.
 
-What comes out depends on the task alone: neither on what the process solved before nor on the number of its threads.
-A task can therefore be carried out by any process, twice if need be, and on a machine that shares no files with the
-one that asks.
+The result depends on the task alone, and not on earlier solves in the process or the number of its threads.  A task can
+therefore be carried out by any process, twice if necessary, and on a machine without access to the caller's files.
 """
 
 from __future__ import annotations
 
-import gc
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,14 +28,14 @@ NEIGHBOUR_ITERATIONS = 200
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What is to be solved.
+    """The definition of one point.
 
     Attributes:
-        index: of the point in its grid.
-        source: the spec.
+        index: index of the point in its grid.
+        source: the text of the spec.
         constants: values by name.
-        options: of :meth:`stc.pipeline.Model.solve`.
-        replay: whether the motion is judged in MuJoCo as well, where the spec names a model.
+        options: arguments of :meth:`stc.pipeline.Model.solve`.
+        replay: whether the motion is also judged in MuJoCo, if the spec names a model.
         start: the solution file of the neighbour to start from, as bytes; None for the spec's own guess.
     """
 
@@ -51,15 +49,15 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What came of it.
+    """The result of one point.
 
     Attributes:
-        index: of the point in its grid.
-        facts: what the table says of the point, without its constants: ``status``, ``objective``, ``violation``,
-            ``optimality``, ``iterations`` of the solve; ``start``, what it started from; ``verdict`` of the replay
-            (``passed``, ``failed``, or "" where nothing was replayed) and ``margin``, the largest share of a limit that
-            it used (None without a verdict); ``message``, the verdict or the failure in words.
-        file: the solution file as bytes; None where there is no solution.
+        index: index of the point in its grid.
+        facts: the columns of the table for the point, without its constants: ``status``, ``objective``, ``violation``,
+            ``optimality``, ``iterations`` of the solve; ``start``, where it started; ``verdict`` of the replay
+            (``passed``, ``failed``, or "" without a replay) and ``margin``, the largest ratio of a measurement to its
+            limit (None without a verdict); ``message``, the verdict or the failure in words.
+        file: the solution file as bytes; None without a solution.
     """
 
     index: int
@@ -92,7 +90,9 @@ def solve_point(task: Task) -> Found:
 
 
 def _solved(task: Task, file: Path) -> tuple[Solution, str]:
-    """The solution from the neighbour where that leads to an optimum, else from the spec's guess; and from which."""
+    """The solution from the neighbour if that is an optimum, otherwise from the spec's guess; and which start was
+    used.
+    """
     given = {"constants": task.constants, **task.options}
     if task.start is not None:
         file.write_bytes(task.start)
@@ -109,17 +109,10 @@ def _solved(task: Task, file: Path) -> tuple[Solution, str]:
 
 
 def _fresh(source: Source) -> Model:
-    """A model that solves as the first one of a process does.
-
-    What an earlier solve has allocated and planned shows in the last digits of the next one, and so, where a motion has
-    several optima nearby, in which of them is found.  Derivatives and machine code are kept on disk and are not made
-    anew.
-    """
-    from stc.solver.kkt.reuse import forget
-
-    gc.collect()  # models refer to themselves, and give back their plans when they are collected
-    forget()
-    return Model(source)
+    """A model that solves as the first one of a process does."""
+    model = Model(source)
+    model.forget()
+    return model
 
 
 def _judged(file: Path) -> dict[str, Any]:
@@ -142,5 +135,5 @@ def _judged(file: Path) -> dict[str, Any]:
 
 
 def _finite(value: float) -> float | None:
-    """The number, or None where files of facts have no number for it."""
+    """The number, or None if it is not finite, for which JSON has no notation."""
     return float(value) if math.isfinite(value) else None

@@ -1,9 +1,11 @@
-"""A whole sweep: round by round, each point from its parent, kept as soon as it is done."""
+"""A whole sweep: round by round, each point from its parent, saved as soon as it is done."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from stc.arguments import numbers
 from stc.arguments import path as path_of
 from stc.data_sets import files_of
 from stc.errors import EndedError
+from stc.in_notebook import in_notebook
 from stc.pipeline import Model, load
 from stc.problem import Problem
 from stc.recorded_files import record
@@ -19,7 +22,7 @@ from stc.solver.options import given_options
 from stc.sweeps.folder import Folder, Sweep
 from stc.sweeps.grid import Grid
 from stc.sweeps.point import Found, Task, solve_point
-from stc.sweeps.workers import Workers
+from stc.workers import Workers
 
 __all__ = ["sweep"]
 
@@ -38,28 +41,43 @@ def sweep(
 ) -> Sweep:
     """Solve a spec for all combinations of values of some constants, and judge each motion.
 
-    Every point starts from the motion of a neighbour that is fixed by the grid (:mod:`stc.sweeps.grid`), or of that
-    one's own neighbour where no optimum was found there; where this leads to no optimum, from the spec's guess.  The
-    findings are the same however many workers there are and however often the sweep is interrupted: the same call with
-    the same folder goes on where the last one ended.
+    Every point starts from the solution of a neighbour that the grid determines (:mod:`stc.sweeps.grid`), or of the
+    neighbour's neighbour if no optimum was found there; if this finds no optimum, from the spec's guess.  The results
+    do not depend on the number of workers or on interruptions: the same call with the same folder continues where the
+    last one stopped.
 
-    Args:
-        spec: a path, a bundled name, the text, or a loaded model with constants for all points.
-        axes: the values of each constant that is swept.
-        folder: where results are kept; made where it is missing.
-        workers: number of processes; None for one per processor, or what ``joblib.parallel_config`` says.
-        replay: whether motions are judged in MuJoCo, where the spec names a model.
-        method, tolerance, max_iterations: of every solve, as for :meth:`stc.pipeline.Model.solve`.
-        on_point: called in this process with the sweep and what was found, after every point.
+    Parameters
+    ----------
+    spec : str | os.PathLike[str] | Model
+        A path, a bundled name, the text, or a loaded model with constants for all points.
+    axes : Mapping[str, Iterable[float]]
+        The values of each swept constant, in the units of the spec.
+    folder : str | os.PathLike[str]
+        Folder for the results; created if it is missing.
+    workers : int | None
+        Number of processes; None for one per processor, or as set by ``joblib.parallel_config``.
+    replay : bool
+        Whether motions are judged in MuJoCo, if the spec names a model.
+    method, tolerance, max_iterations
+        Arguments of every solve, as for :meth:`stc.pipeline.Model.solve`.
+    on_point : Callable[[Sweep, Found], None] | None
+        Function that is called in this process with the sweep and the result after every point.
 
-    Returns:
-        What was found: see :class:`stc.sweeps.folder.Sweep`.
+    Returns
+    -------
+    Sweep
+        The results: see :class:`stc.sweeps.folder.Sweep`.
 
-    Raises:
-        UsageError: values that cannot be swept, an unknown constant, or a folder that holds something else.
-        SpecError: mistakes in the spec, at the first point.
-        WorkerError: a worker process was killed; what was found until then is kept.
-        EndedError: the process was asked to stop; what was found until then is kept.
+    Raises
+    ------
+    UsageError
+        Invalid values, an unknown constant, or a folder that holds something else.
+    SpecError
+        Mistakes in the spec, at the first point.
+    WorkerError
+        Worker processes died again and again; the points that were done are kept.
+    EndedError
+        The process was asked to stop; the points that were done are kept.
     """
     given = {"method": method, "tolerance": tolerance, "max_iterations": max_iterations}
     given_options(tolerance, max_iterations)
@@ -93,8 +111,12 @@ def sweep(
         constants = {**fixed, **grid.constants(index)}
         return Task(index, model.source, constants, given, bool(replay), start)
 
+    progress: AbstractContextManager[Callable[[Sweep], None] | None] = nullcontext()
+    if in_notebook():
+        # By name: nothing here is imported from the layers above.
+        progress = import_module("stc.notebook_progress").sweeping(model.name)
     try:
-        with Workers(workers) as side_by_side:
+        with progress as show, Workers(workers) as side_by_side:
             for indices in grid.rounds():
                 left = (index for index in indices if index not in found.facts)
                 for one in side_by_side.results(solve_point, map(task, left)):
@@ -102,6 +124,8 @@ def sweep(
                         raise EndedError("the sweep was interrupted", "interrupted")
                     kept.keep(one)
                     found.facts[one.index] = one.facts
+                    if show is not None:
+                        show(found)
                     if on_point is not None:
                         on_point(found, one)
     finally:
@@ -110,14 +134,14 @@ def sweep(
 
 
 def _require_solvable(model: Model, method: str | None, constants: Mapping[str, float]) -> None:
-    """Raise what is wrong with the spec or its model before any work is done."""
+    """Raise the mistakes of the spec or its model before any work is done."""
     from stc.studies.replay_lines import check_replay_lines
 
     check_replay_lines(model.problem(method, **numbers(constants)))
 
 
 def _files(problem: Problem) -> dict[str, str]:
-    """The hashes of what the spec depends on besides its text, by path: its data, and the files of its model."""
+    """The hashes of the files that the spec depends on, by path: its data, and the files of its model."""
     from stc.validate.model import find_model
 
     files: list[Any] = list(files_of(problem.data))

@@ -1,8 +1,8 @@
-"""How many arithmetic operations derivatives take: as naive chain-rule trees, simplified, and shared.
+"""The number of arithmetic operations of derivatives: as naive chain-rule trees, simplified, and shared.
 
 An *operation* is any node that is not a literal or a symbol; a function call counts as one.
 
-*Naive trees* are what the 2001 report's program built: the chain rule applied to every node of the expression
+*Naive trees* are those of the 2001 report's program: the chain rule applied to every node of the expression
 tree for every variable, nothing shared and nothing simplified, zeros and ones included (``d(l*m) = 0*m +
 l*0``).  The rules are those of :data:`CHAIN_RULE`.  The size of such a tree doesn't depend on the variable,
 and follows from the sizes of its operands' derivative trees by a recurrence, so that it is counted exactly
@@ -18,7 +18,7 @@ from stc.symbolic.node import Expr
 from stc.symbolic.traverse import reachable
 
 Sizes = tuple[int, ...]
-"""Sizes of a tree, of its derivative, of its second derivative, ..."""
+"""Sizes of a tree and of its derivatives, by order."""
 
 CHAIN_RULE: Final[dict[str, Any]] = {
     # Operands are "a" and "b", their derivatives "a'" and "b'", any literal "l"; "power" has a literal

@@ -90,8 +90,8 @@ BY_ARGUMENT: Final[dict[str, tuple[Callable[..., Expr], ...]]] = {
 def adjoints(seeds: Iterable[tuple[Expr, Expr]], inputs: Set[Expr]) -> dict[Expr, Expr]:
     """The sum of ``seed * d e / d input`` over the pairs ``(e, seed)``, for every input that it depends on.
 
-    One reverse sweep over all expressions together.  Any node may be an input: what is below it is not looked at,
-    as if a symbol stood in its place.
+    One reverse sweep over all expressions together.  Any node may be an input: expressions below it are ignored, as if
+    it were a symbol.
     """
     parts: dict[Expr, list[Expr]] = {}
     for e, seed in seeds:

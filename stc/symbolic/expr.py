@@ -1,4 +1,4 @@
-"""The public face of expressions: construct, look through, substitute, evaluate, print."""
+"""The public interface of expressions: construct, inspect, substitute, evaluate, print."""
 
 from __future__ import annotations
 

@@ -1,17 +1,16 @@
-"""Fingerprints: what an expression is worth at one random point of a finite field.
+"""Fingerprints: the value of an expression at one random point of a finite field.
 
 Two expressions that are equal as polynomials have equal fingerprints, however they are written; two that differ
 have different ones but for a chance of about their degree in 2^61 (Schwartz, J. ACM 27, 1980; for expressions,
 Martin, J. ACM 18, 1971).  The field is that of the integers modulo a prime near 2^61, where literals, being
 fractions, have exact values: no rounding enters.
 
-What is not a polynomial is a random element that depends on the fingerprints of the operands, by a mixture whose
-differences do not tell those of the operands: of a hash that is nearly linear, `1/(a + 1) - 1/a` and
-`1/(b + 1) - 1/b` would often be the same.  Sines and cosines
-of one argument are the two coordinates of a rational point of the circle, so that the squares add up to one;
-exponentials and hyperbolic functions likewise; odd and even functions keep their symmetry.  The reciprocal of a
-divisor is *not* its inverse in the field: ``x/x`` is undefined at 0 and must not be told from its fingerprint to
-be 1.
+An operation that is not polynomial gives a random element that depends on the fingerprints of the operands, by a
+mixture whose differences do not reveal those of the operands: of a hash that is nearly linear, `1/(a + 1) - 1/a` and
+`1/(b + 1) - 1/b` would often be the same.  Sines and cosines of one argument are the two coordinates of a rational
+point of the circle, so that the squares add up to one; exponentials and hyperbolic functions likewise; odd and even
+functions keep their symmetry.  The reciprocal of a divisor is *not* its inverse in the field: ``x/x`` is undefined at
+0 and its fingerprint must not be that of 1.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from typing import Final
 PRIME: Final = (1 << 61) - 2373
 """The largest prime p below 2^61 of which (p - 1)/2 is a prime too.
 
-So no power of two of a double is 1 in the field, as 2^61 is modulo 2^61 - 1, and -1 is no square.
+So no power of two of a double is 1 in the field, as 2^61 is modulo 2^61 - 1, and -1 is not a square.
 """
 
 UNKNOWN: Final = math.nan
@@ -93,7 +92,7 @@ def _circle(argument: Fingerprint) -> tuple[Fingerprint, Fingerprint]:
     """A point (sine, cosine) with coordinates whose squares add up to one."""
     size, sign = _unsigned(argument)
     t = element(3, size)
-    scale = _inverse(1 + t * t)  # never zero: -1 is no square modulo this prime
+    scale = _inverse(1 + t * t)  # never zero: -1 is not a square modulo this prime
     return sign * 2 * t * scale % PRIME, (1 - t * t) * scale % PRIME
 
 

@@ -172,7 +172,7 @@ def _forget(ref: _Ref) -> None:
 
 
 def interned_count() -> int:
-    """How many nodes are alive in this process."""
+    """The number of live nodes in this process."""
     return len(_table)
 
 
@@ -226,7 +226,7 @@ def _make(key: tuple[str, Expr, Expr | None]) -> Expr:
 
 
 def _spread(value: float) -> int:
-    """What orders a literal: the bits of its double, multiplied so that the 60 that are kept depend on all 64.
+    """The sort key of a literal: the bits of its double, multiplied so that the 60 that are kept depend on all 64.
 
     (Python's hash of a float has 61 bits and a sign: cut to 60 of them, 2 and 2.5 are the same.)
     """

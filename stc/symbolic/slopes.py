@@ -1,4 +1,4 @@
-"""Values and slopes of expressions in plain NumPy, for whoever checks what compiled derivatives have led to.
+"""Values and derivatives of expressions in plain NumPy, to check results of compiled derivatives.
 
 One sweep forward for the values, one back for the adjoints (Griewank & Walther, Evaluating Derivatives, 2nd ed.,
 chapter 3), on numbers and without any symbolic derivative: it shares no code with :mod:`stc.symbolic.differentiate`.
@@ -45,10 +45,10 @@ _SLOPES: Final[Mapping[str, tuple[Callable[..., Any], ...]]] = {
 
 
 class Sweep:
-    """Several expressions at one list of places, evaluated once.
+    """Several expressions with the same symbol values, evaluated once.
 
     Attributes:
-        values: of each expression, as NumPy gives them: arrays of the places' length, or single numbers.
+        values: the value of each expression: an array with one entry per evaluation point, or a single number.
     """
 
     def __init__(self, roots: Sequence[Expr], values: Mapping[Hashable, Any]) -> None:
@@ -68,7 +68,7 @@ class Sweep:
         self.values = [done[root] for root in self.roots]
 
     def slopes(self, number: int, keys: Set[Hashable]) -> dict[Hashable, Any]:
-        """The slopes of expression ``number`` by those of its symbols that are among ``keys``."""
+        """The derivatives of expression ``number`` with respect to those of its symbols that are in ``keys``."""
         root, done = self.roots[number], self._done
         nodes = reachable([root])
         active: set[Expr] = set()

@@ -1,4 +1,4 @@
-"""What can be told from the shape of expressions: which symbols matter, and polynomial degree.
+"""Structural properties of expressions: the symbols in them, and their polynomial degree.
 
 Degrees are upper bounds: exact for polynomials as they are simplified, and never too low.  Cancellation that
 the simplifier does not see (``(x + y)*(x + y) - x*x - y*y`` has degree 2, ``(x + 1)*y - x*y`` is called 2
@@ -67,7 +67,7 @@ def is_constant_in(e: Expr, keys: Iterable[Hashable]) -> bool:
 
 
 def mentions(e: Expr, wanted: Callable[[Hashable], bool]) -> bool:
-    """Whether a symbol with a key that is ``wanted`` occurs in ``e``; found soon where many do."""
+    """Whether a symbol with a key that is ``wanted`` occurs in ``e``; fast if many do."""
     seen: set[Expr] = set()
     open_ = [e]
     while open_:

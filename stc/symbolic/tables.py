@@ -1,13 +1,13 @@
 """Functions given by tables: piecewise polynomials of one or two arguments, as numbers and as leaves of expressions.
 
 Between neighbouring abscissae a function of one argument is a cubic polynomial, in a variable that is zero at the left
-one.  Outside of the table there are two more pieces, so that what holds there is a matter of numbers and not of code.
+one.  There are two more pieces outside of the table, so that extrapolation needs no special code.
 A function of two arguments is the same thing twice: interpolation is linear in what is interpolated, so that the
 coefficients along the first argument are themselves interpolated along the second one (de Boor, A Practical Guide to
 Splines, chapter 17).
 
 In an expression a table is a leaf, ``look(x, T)`` its value at ``x`` and ``look(x, at(y, T))`` that of one with two
-arguments: operators have two operands at most, and ``at`` does nothing but to carry the second argument along.  A
+arguments: operators have two operands at most, and ``at`` only carries the second argument.  A
 derivative is the same with another leaf, a :class:`TableRef` of a higher order.
 """
 
@@ -28,10 +28,10 @@ __all__ = ["KINDS", "OUTSIDE", "At", "Table", "TableRef", "interpolated", "look"
 FloatArray = NDArray[np.float64]
 
 KINDS: Final = ("cubic", "monotone", "linear")
-"""How a table is interpolated: with continuous second derivatives, without overshooting, or by straight lines."""
+"""The interpolations: with continuous second derivatives, without overshoot, or linear."""
 
 OUTSIDE: Final = ("extend", "hold", "error")
-"""What holds outside of a table: the straight line with its slope at the end, its last value, or nothing at all."""
+"""The continuations outside a table: a straight line with the slope at the end, the last value, or none."""
 
 ORDER: Final = 4
 """Coefficients per piece and argument: those of a cubic polynomial, from the constant term up."""
@@ -44,24 +44,27 @@ LOWEST, SCALE, LAST, BUCKETS, BEGINS, ORIGIN, STEP = range(AXIS)
 
 ``LOWEST``, ``SCALE``, ``LAST``: ``(x - LOWEST)*SCALE``, rounded down and kept between 0 and ``LAST``, is the piece of x
 where places are evenly spaced, else its bucket.
-``ORIGIN``, ``STEP``: of even places; piece k is zero at ``ORIGIN + k*STEP``.
-``BUCKETS``: of others; where buckets are described, counted from the first number of the table.  Where no bucket has
-more than :data:`TOLD` places in it, each is four numbers: where the first piece that may be meant is zero, the places
-that come after that, and the number of this piece.  Else it is that number alone.
-``BEGINS``: of these; where it is told where each piece is zero and begins, counted likewise.
+``ORIGIN``, ``STEP``: for evenly spaced places; piece k is zero at ``ORIGIN + k*STEP``.
+``BUCKETS``: for other places; the index of the description of the buckets, counted from the first number of the table.
+If no bucket has more than :data:`TOLD` places in it, each is described by four numbers: the zero of its first piece,
+the places after it, and the number of this piece; otherwise by that number alone.
+``BEGINS``: in the latter case, the index of the zeros and the beginnings of all pieces, counted likewise.
 """
 BUCKET: Final = 4
 FIRST: Final = BUCKET - 1
 TOLD: Final = BUCKET - 2
-"""Numbers of a bucket, where that of its first piece stands among them, and the places that it tells."""
+"""The index of the first piece's number among the numbers of a bucket, and the number of places among them."""
 HEADER: Final = 2 * AXIS + 2
 COEFFICIENTS, ROW = 2 * AXIS, 2 * AXIS + 1
-"""After the headers of two axes: where coefficients begin, and how far the rows of the first argument lie apart."""
+"""After the headers of two axes: the index of the first coefficient, and the stride of the first argument."""
+
+CLIP, REACHES, READ = "clip", "reaches", "read"
+"""The operations of a look-up (:data:`stc.codegen.tape.LOOKUPS`)."""
 
 MOST_BUCKETS: Final = 1 << 18
-"""So many buckets a table has at most, or as many as it has places."""
+"""Largest number of buckets, unless the table has more places."""
 MOST_AT_HAND: Final = 1 << 12
-"""Buckets up to which the nearest caches hold them."""
+"""Number of buckets that fit into the nearest caches."""
 #: Places that are as even as rounding lets them be are taken to be so, in units of the last digit of the largest.
 _EVEN: Final = 4.0
 _SLACK: Final = 2.0**-46
@@ -76,8 +79,8 @@ class Axis:
     Attributes:
         begins: where all pieces but the first one begin: the last place itself belongs to the table.
         origins: where each piece's variable is zero.
-        search: 0 where the places are evenly spaced; up to :data:`TOLD` how many places a bucket has at most; else so
-            much and the steps in which a piece is found in its bucket, by halving.
+        search: 0 for evenly spaced points; up to :data:`TOLD` the largest number of points in a bucket; above it, that
+            number plus the bisection steps that find a piece in its bucket.
     """
 
     def __init__(self, x: FloatArray) -> None:
@@ -96,7 +99,7 @@ class Axis:
         self.origins = np.concatenate([[low - self.step] if even else [low], self.x])
 
     def _fill_buckets(self) -> int:
-        """Choose so many buckets that hardly any has several places in it; how these are told apart.
+        """Choose the number of buckets so that hardly any contains several points, and how these are distinguished.
 
         Comparing an argument with two or three places costs less than to wait for a bucket that is not in a cache.
         """
@@ -114,15 +117,15 @@ class Axis:
 
     @property
     def halved(self) -> int:
-        """In how many steps a piece is found in its bucket, by halving; 0 where a bucket tells its places."""
+        """The number of bisection steps that find a piece in its bucket; 0 if a bucket lists its points."""
         return max(self.search - TOLD, 0)
 
     def __len__(self) -> int:
-        """How many pieces there are, those outside included."""
+        """The number of pieces, including those outside."""
         return len(self.x) + 1
 
     def pieces(self, x: Any) -> NDArray[np.intp]:
-        """The number of the piece that each argument lies in."""
+        """The index of the piece that contains each argument."""
         return np.searchsorted(self.begins, np.real(x), side="right")
 
     def storage(self, at: int) -> tuple[FloatArray, FloatArray]:
@@ -160,8 +163,8 @@ class Table:
         coefficients: (pieces, 4) or (pieces of the first axis, pieces of the second one, 4, 4).
         degree: of the pieces as polynomials in each argument: 0, 1 or 3.
         kind: how it is interpolated, of :data:`KINDS`, or ``steps``.
-        outside: what holds outside of it, of :data:`OUTSIDE`.
-        digest: tells it from tables with other numbers.
+        outside: its continuation, one of :data:`OUTSIDE`.
+        digest: distinguishes it from tables with other numbers.
     """
 
     def __init__(
@@ -235,7 +238,7 @@ class TableRef:
     """A table in an expression, or a partial derivative of it: the payload of a leaf.
 
     Attributes:
-        name: what the spec calls it.
+        name: its name in the spec.
         table: the numbers.
         orders: how often it is differentiated by each argument.
         of_time: a reference: its argument is always the time.
@@ -264,7 +267,7 @@ class TableRef:
         return TableRef(self.name, self.table, (0,) * len(self.orders), self.of_time)
 
     def derivative(self, argument: int) -> TableRef | None:
-        """The partial derivative by an argument, counted from 0; None where it is zero everywhere."""
+        """The partial derivative by an argument, counted from 0; None if it is zero everywhere."""
         orders = tuple([order + (k == argument) for k, order in enumerate(self.orders)])
         if max(orders) > self.table.degree:
             return None
@@ -272,7 +275,7 @@ class TableRef:
 
 
 class At(NamedTuple):
-    """The value of ``at(y, T)``: a second argument on its way to the table."""
+    """The value of ``at(y, T)``: a second argument for a table."""
 
     second: Any
     ref: TableRef

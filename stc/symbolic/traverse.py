@@ -17,7 +17,7 @@ _by_order = attrgetter("order")
 
 
 def reachable(roots: Iterable[Expr], leaves: Collection[Expr] = ()) -> list[Expr]:
-    """Every node below the roots, themselves included, each once; sorted by ``order``, operands first.
+    """Every node below the roots, including the roots, each once; sorted by ``order``, operands first.
 
     What is below the ``leaves`` alone is left out.
     """
@@ -128,7 +128,7 @@ NUMPY_MEANING: Final[dict[str, Callable[..., Any]]] = {
     "look": look,
     "at": At,
 }
-"""What each operator means."""
+"""The NumPy function of each operator."""
 
 
 def evaluate_all(roots: Sequence[Expr], values: Mapping[Hashable, Any]) -> list[Any]:

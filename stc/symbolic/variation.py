@@ -23,7 +23,7 @@ from stc.symbolic.node import ONE, ZERO, Expr, add, neg
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """What a Lagrangian gives for one coordinate q: ``momentum`` dL/dq', ``row`` d/dt (dL/dq') - dL/dq."""
+    """The results for one coordinate q: ``momentum`` dL/dq', ``row`` d/dt (dL/dq') - dL/dq."""
 
     momentum: Expr
     row: Expr
@@ -40,7 +40,7 @@ def euler_lagrange(
     Args:
         lagrangian: L, of coordinates, their first time derivatives, and the time.
         coordinates: the symbols of q and of q' for each coordinate.
-        points: from time derivatives w' that may occur in L to what they are the derivatives of: functions w of
+        points: from time derivatives w' that may occur in L to the differentiated symbols: functions w of
             coordinates and time alone.  The result's value does not depend on them, only its operations do.
         rate: gives the total time derivative of an expression.
     """

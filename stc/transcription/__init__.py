@@ -1,6 +1,6 @@
-"""Transcription: from the continuous-time statement to a nonlinear program, and back.
+"""Transcription: from the problem in continuous time to a nonlinear program, and back.
 
-The walk, one file per arrow:
+The steps, one file each:
 
 ==============  ====================================================================
 grid            frames, midpoints, sides of jumps; which piece of a definition holds

@@ -1,14 +1,14 @@
 """From lowered statements to kernels, index tables and the sparsity of the nonlinear program.
 
-Statements that stand on the same nodes form a *group* (:mod:`stc.transcription.derive`): one kernel evaluates them,
+Statements on the same nodes form a *group* (:mod:`stc.transcription.derive`): one kernel evaluates them,
 LANES nodes at a time.  Each kernel reads its inputs from one workspace through an index table and writes its outputs in
 blocks; a gather then adds the outputs up to rows, gradient, Jacobian and Hessian entries::
 
     workspace = | decision variables | multipliers | group 0: [node][data] | group 1 | ... | copies |
     buffer    = | group 0: [block][output][lane] | group 1 | ... | constants of group 0 | ...
 
-Derivatives that no unknown, no multiplier and no factor of the objective changes are constants: they have a part of
-the buffer of their own, which is filled once, when numbers are bound.
+Derivatives that do not depend on unknowns, multipliers or the factor of the objective are constants: they have a
+separate part of the buffer, which is filled once, when numbers are bound.
 
 Everything here depends on the text and on structural constants only; numbers are bound in
 :mod:`stc.transcription.bind`.
@@ -44,11 +44,11 @@ from stc.transcription.layout import Layout
 from stc.transcription.statements import Statements
 
 AT_ONCE = 1_000_000
-"""Places of outputs that are looked at together."""
+"""Number of output places that are processed together."""
 
 
 class _Outputs:
-    """Which matrix, and which place in it, each output in a buffer of kernels belongs to."""
+    """The matrix, and the position in it, of each output in a buffer of kernels."""
 
     def __init__(self, size: int) -> None:
         self.matrix = np.zeros(size, np.int8)  # 0: none, as where there are no nodes
@@ -92,7 +92,7 @@ class _Outputs:
 
 @dataclass(slots=True)
 class Sparsity:
-    """Entries of a sparse matrix in coordinate form, and where in a kernels' buffer they come from.
+    """Entries of a sparse matrix in coordinate form, and their positions in a kernels' buffer.
 
     ``rows``, ``cols``, ``first`` (nnz,) int32: entry e is at ``buffer[first[e]]`` after ``folding``, which is made
     of each evaluation, and ``constant_folding``, which is made once.  The entries are in the order of the buffer, so
@@ -107,7 +107,7 @@ class Sparsity:
 
     @classmethod
     def of(cls, outputs: _Outputs, matrix: int, constants: int) -> Sparsity:
-        """One of the matrices, each place of it once; from ``constants`` on the buffer's places are constants."""
+        """One of the matrices, with each position once; from ``constants`` on the buffer's positions are constants."""
         held = np.flatnonzero(outputs.matrix == matrix)
         r, c, place = outputs.rows[held], outputs.cols[held], held.astype(np.int32)
         code = r * (np.int64(c.max(initial=0)) + 1) + c
@@ -133,7 +133,7 @@ class Sparsity:
 def _foldings(
     start: IntArray, source: IntArray, doubled: IntArray, constants: int
 ) -> tuple[Folding, Folding]:
-    """What is folded at each evaluation, and what once.
+    """The foldings made at each evaluation, and those made once.
 
     An entry's places are in the order of the buffer: its sum goes to one that varies, if any does.
     """
@@ -154,11 +154,11 @@ class Program:
     Attributes:
         runs: of the inputs of the groups' values kernels, then of their derivatives kernels.
         index_values, index_derivatives: per group (blocks, runs, LANES) int32 where they begin in the workspace.
-        copied_values, copied_derivatives: what is copied within the workspace before the kernels run, from and to.
+        copied_values, copied_derivatives: the copies within the workspace before the kernels run, from and to.
         data_start: per group where its node data begins in the workspace, (nodes, data).
         row_group, row_number, row_instance: (m,) where each row comes from.
         values_start, derivatives_start, constants_start: per group where its outputs begin in a buffer.
-        values_size, derivatives_size: of the two buffers; constants take what is left of the second one.
+        values_size, derivatives_size: of the two buffers; constants take the rest of the second one.
         varying_size: where in the second one constants begin.
         row_source: (m,) int32 where each row is in the values kernels' buffer.
         objective_source: int32 places there that add up to the objective.
@@ -199,7 +199,7 @@ class Program:
 def assemble(
     statements: Statements, layout: Layout, constants: Sequence[str], with_tables: bool = False
 ) -> Program:
-    """Derives every group and lays out workspace, buffers and sparsity.
+    """Derive every group, and lay out workspace, buffers and sparsity.
 
     Args:
         statements: lowered rows and objective.
@@ -305,7 +305,7 @@ def outputs_at(start: int, width: int, output: int, size: int) -> IntArray:
 
 
 def blocks(table: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
-    """What is known for each of k nodes, (rows, k), as (blocks, rows, LANES); the last node fills the last block."""
+    """The values of each of k nodes, (rows, k), as (blocks, rows, LANES); the last node fills the last block."""
     rows, size = table.shape
     count = -(-size // LANES)
     padded = np.concatenate([table, np.repeat(table[:, -1:], count * LANES - size, axis=1)], axis=1)
@@ -313,7 +313,7 @@ def blocks(table: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
 
 
 def _starts(groups: Sequence[Group], tapes: Sequence[Tape], at: int = 0) -> tuple[list[int], int]:
-    """Where each group's outputs begin in a buffer, from ``at`` on, and where all end."""
+    """The start of each group's outputs in a buffer, from ``at`` on, and the end of all."""
     starts = []
     for group, tape in zip(groups, tapes, strict=True):
         starts.append(at)

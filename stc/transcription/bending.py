@@ -1,4 +1,4 @@
-"""Which way rows bend: whether they are convex functions of the variables, concave ones, or neither."""
+"""The curvature of rows: whether they are convex functions of the variables, concave ones, or neither."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROUNDING: Final = 1e-12
 
 
 def row_bends(program: Program, numbers: Numbers) -> NDArray[np.int8]:
-    """1 for each row that is a convex function, -1 for each that is a concave one, 0 for what is neither or unknown.
+    """1 for each row that is convex, -1 for each that is concave, 0 for rows that are neither or unknown. (m,)
 
     (m,).  Of rows that are not linear, quadratic ones are known, for the given numbers: by the eigenvalues of their
     second derivatives, which are constants.

@@ -1,7 +1,7 @@
-"""The nonlinear program with its numbers: what the solver sees.
+"""The nonlinear program with its numbers, as the solver uses it.
 
-Binding evaluates constants into kernel inputs, node data, bounds and the starting point.  Another value of a
-constant that shapes nothing binds again in moments; nothing is differentiated or compiled for it.
+Binding evaluates constants into kernel inputs, node data, bounds and the starting point.  A new value of a
+constant that is not structural only requires a new binding, without differentiating or compiling.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen import threads
-from stc.codegen.calls import chain
 from stc.codegen.kernel import KernelSet
+from stc.core.calls import chain
 from stc.errors import EvaluationError
 from stc.problem import ConstantRef, ParameterRef, Problem, Relation, VariableRef
 from stc.records import dataclass
@@ -39,9 +39,9 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """Bounds that exclude each other, found before solving.
+    """Bounds that contradict each other, found before solving.
 
-    ``relations`` index ``Problem.relations``; ``gap`` is how far apart the bounds are.
+    ``relations`` index ``Problem.relations``; ``gap`` is the distance between the bounds.
     """
 
     relations: tuple[int, ...]
@@ -53,7 +53,7 @@ class Contradiction:
 
 @dataclass(slots=True)
 class Bounds:
-    """Bounds of decision variables and where each came from (-1: nowhere). All (size,)."""
+    """Bounds of decision variables and the relation that each came from (-1: none). All (size,)."""
 
     lower: FloatArray
     upper: FloatArray
@@ -104,10 +104,10 @@ class Numbers:
 def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, numbers: Numbers) -> Bounds:
     """Intersects all bounds on each decision variable and lists those that contradict each other.
 
-    That steps are positive bounds the parameters that they depend on.
+    Parameters that steps depend on are bounded so that steps are positive.
 
     Raises:
-        EvaluationError: a bound, or what it bounds, has no value.
+        EvaluationError: a bound, or the bounded expression, has no value.
     """
     size = layout.size
     result = Bounds(np.full(size, -np.inf), np.full(size, np.inf), np.full(size, -1), np.full(size, -1), [])
@@ -141,7 +141,7 @@ def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, nu
 
 
 def step_limits(layout: Layout, numbers: Numbers) -> list[tuple[int, float, float]]:
-    """Positions of parameters, and between which values they have to be for time to go forward."""
+    """Positions of parameters, and the bounds on them that make steps positive."""
     ranges = numbers.steps.implied(numbers.coefficients, numbers.constants)
     return [(layout.parameters[name], low, high) for name, (low, high) in ranges.items()]
 
@@ -194,7 +194,8 @@ def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Num
 def _check_limits(
     relation: Relation, lower: Expr | None, upper: Expr | None, nodes: Nodes, numbers: Numbers
 ) -> None:
-    """Refuse bounds that are no numbers, or that no number keeps; infinite ones are none where a constant says so.
+    """Refuse bounds that are not numbers, or that no number satisfies; infinite ones are allowed if a constant is
+    infinite.
 
     Raises:
         EvaluationError: with the statement, the frame and the constants.
@@ -212,7 +213,7 @@ def _check_limits(
 
 
 def _check_value(relation: Relation, e: Expr, value: FloatArray, nodes: Nodes, numbers: Numbers) -> None:
-    """Refuse what is no number at some node, such as what is too large for one.
+    """Refuse values that are not finite at some node.
 
     Raises:
         EvaluationError: with the statement, the frame and the constants.
@@ -241,7 +242,7 @@ def _no_value(
 def _tighten(
     tighter: np.ufunc, limits: FloatArray, owners: NDArray[np.int64], at: NDArray[np.int64], to: FloatArray, owner: int
 ) -> None:  # fmt: skip
-    """Bring limits nearer where the bounds ``to`` are tighter; ``at`` may have positions several times."""
+    """Tighten limits by the bounds ``to``; ``at`` may contain positions several times."""
     before = limits[at]
     tighter.at(limits, at, to)
     owners[at[limits[at] != before]] = owner
@@ -250,7 +251,7 @@ def _tighten(
 class BoundProgram:
     """A nonlinear program for the solver: :class:`stc.solver.nlp.NLP`.
 
-    Attributes follow that protocol; ``contradictions`` tells whether solving is of any use, ``evaluations`` and
+    Attributes follow that protocol; if there are ``contradictions``, solving is useless; ``evaluations`` and
     ``derivative_evaluations`` count the calls.  The attributes from ``workspace`` on are for
     :mod:`stc.transcription.evaluation`.
     """
@@ -328,7 +329,7 @@ class BoundProgram:
             self.x_upper = np.where(self._idle, x0, self.x_upper)
 
     def started(self, x0: FloatArray) -> BoundProgram:
-        """The same program with another start, (n,); the two are not to be evaluated at the same time."""
+        """The same program with another start, (n,); the two must not be evaluated at the same time."""
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__)
         other._start_at(x0)
@@ -336,12 +337,12 @@ class BoundProgram:
 
     @property
     def evaluations(self) -> int:
-        """How often objective and rows have been evaluated."""
+        """The number of evaluations of objective and rows."""
         return int(self.counts[0])
 
     @property
     def derivative_evaluations(self) -> int:
-        """How often derivatives have been evaluated."""
+        """The number of evaluations of derivatives."""
         return int(self.counts[1])
 
     def row_bends(self) -> NDArray[np.int8]:
@@ -349,7 +350,7 @@ class BoundProgram:
         return row_bends(self.program, self.numbers)
 
     def wanted(self, part: Part | None) -> Wanted:
-        """What of the program is wanted, and how it leaves the kernels: of the last two parts that were asked for."""
+        """The requested part of the program, and how it leaves the kernels; the last two are kept."""
         for other, known in self._wanted:
             if other is part:
                 return known
@@ -366,11 +367,11 @@ class BoundProgram:
         return self._pieces[values, cut]
 
     def evaluator(self, scaling: Scaling) -> Evaluator:
-        """Arrays of its own for one scaling, and the calls that fill them."""
+        """Arrays for one scaling, and the calls that fill them."""
         return evaluator(self, scaling)
 
     def part_evaluator(self, scaling: Scaling, part: Part) -> Evaluator:
-        """The same for the program that some of the variables and rows make."""
+        """The same for a part of the variables and rows."""
         return evaluator(self, scaling, part)
 
     def as_stated(self) -> Evaluator:
@@ -400,8 +401,9 @@ class BoundProgram:
 
 
 def uniform_inputs(program: Program, constants: Mapping[str, float]) -> FloatArray:
-    """The values of the inputs that all nodes share: constants, where each table begins, the objective's factor; then
-    the numbers of the tables."""
+    """The values of the inputs that all nodes share: constants, the start of each table, the objective's factor, and
+    the numbers of the tables.
+    """
     values: list[float] = []
     numbers: list[FloatArray] = []
     end = len(program.uniform)

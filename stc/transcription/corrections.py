@@ -1,17 +1,17 @@
-"""Links that give way to what is held.
+"""Relaxation of the links for held contacts and equalities.
 
-A foot that stands is a row for its place and one for its velocity at every frame, and one for its acceleration at every
-node.  The accelerations follow from the forces of the foot, and the method's links make velocities and positions of
-them, so that these would be known twice.  The two differ by the discretisation error: all rows together would have no
-solution, and without those of places and velocities a foot would drift by what the steps' errors add up to.
+A standing foot has a row for its position and one for its velocity at every frame, and one for its acceleration at
+every node.  The accelerations determine velocities and positions through the method's links as well, up to the
+discretisation error.  All rows together would therefore have no solution, and without those of positions and
+velocities a foot would drift by the accumulated error.
 
-So the links hold along the motions that the foot leaves free.  Across, each step has unknowns of its own, and to the
-links are added the gradients in the middle of the step, times these::
+Therefore the links hold only along the directions in which the foot can move.  In the other directions each step has
+additional unknowns, multiplied by the gradients in the middle of the step and added to the links::
 
-    q1 - q0 - h/6 (v0 + 4 vm + v1) + Jm^T g = 0,    J = dc/dq of what is held, c(q) = 0 at both frames
+    q1 - q0 - h/6 (v0 + 4 vm + v1) + Jm^T g = 0,    J = dc/dq of the constraints, c(q) = 0 at both frames
     v1 - v0 - h/6 (a0 + 4 am + a1) + Jm^T k = 0,    J v = 0 at both frames
 
-This projects each step onto what is held, as in the stabilised form of Gear, Leimkuhler and Gupta (1985) and in the
+This projects each step onto the constraints, as in the stabilised form of Gear, Leimkuhler and Gupta (1985) and in the
 constrained collocation of Posa, Kuindersma and Tedrake (2016).  g and k are as small as the method's error in one step,
 so that the method keeps its order, and the direction of the projection matters little.  The gradients in the middle are
 the same forwards and backwards in time.  Where there are no midpoints, the mean of those at both ends stands for them.
@@ -43,13 +43,13 @@ PLACES = {
 def corrections_on(
     corrections: Sequence[Correction], nodes: Nodes, method: str
 ) -> Iterator[tuple[Mapping[tuple[str, int], Expr], Nodes]]:
-    """What is added to the links of steps.
+    """The terms added to the links of steps.
 
     Args:
-        nodes: those of the links, one for each step.
+        nodes: nodes of the links, one for each step.
 
     Yields:
-        By variable and order what is added, and the nodes that it is for.
+        The added terms by variable and order, and their nodes.
     """
     if not corrections:
         yield {}, nodes
@@ -67,6 +67,6 @@ def corrections_on(
 
 
 def _at(share: Expr, shift: Fraction, unknowns: Sequence[str]) -> Expr:
-    """A share with the gradient of another place of the step; the unknowns stay at the links' own node."""
+    """A term with the gradient at another place of the step; the unknowns stay at the links' own node."""
     keys = [key for key in symbols(share) if isinstance(key, VariableRef) and key.name not in unknowns]
     return substitute(share, {key: sym(replace(key, shift=shift)) for key in keys})

@@ -1,8 +1,8 @@
-"""Groups of statements and their derivatives, as programs: found once, and kept for later processes.
+"""Groups of statements and their derivatives as programs, which are cached for later processes.
 
-Statements that stand on the same nodes form a *group*.  What a group's expressions are differentiated to depends on
-them alone, not on numbers nor on how many frames there are.  It takes most of the time between a text and its machine
-code, so the programs are kept beside that (:mod:`stc.codegen.cache`), under a hash of the expressions.
+Statements on the same nodes form a *group*.  The derivatives of a group's expressions depend on the expressions alone,
+not on numbers or on the number of frames.  Computing them takes most of the time between a text and its machine code,
+so the programs are cached beside the machine code (:mod:`stc.codegen.cache`), under a hash of the expressions.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from stc.transcription.lower import DataRef
 from stc.transcription.statements import Row, Summand
 
 REMEMBERED = 64
-"""Groups whose derivatives this process keeps."""
+"""Number of groups whose derivatives this process keeps."""
 GRADIENT, JACOBIAN, HESSIAN = 1, 2, 3
 
 
@@ -59,15 +59,15 @@ class Derivative(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """What a group's statements are differentiated to.
+    """The derivatives of a group's statements.
 
     Attributes:
-        values_tape: the rows, then the objective, then what of functions is kept for the derivatives.
-        derivatives_tape, constants_tape: ``varying`` and ``constant``; inputs of the former that vary are unknowns,
-            data, multipliers and what is kept, of the latter data.
-        kept: how many outputs are.
+        values_tape: the rows, then the objective, then function values that derivatives reuse.
+        derivatives_tape, constants_tape: ``varying`` and ``constant``; the node inputs of the former are unknowns,
+            data, multipliers and reused values, of the latter data.
+        kept: number of reused values.
         varying, constant: the objective's gradient, the Jacobian and the lower triangle of the Lagrangian's Hessian,
-            nonzeros only: what changes while a program with its numbers is in use, and what does not.
+            nonzeros only: those that change during a solve, and those that do not.
         degrees, objective_degree: of the rows and the objective as polynomials; see :mod:`stc.symbolic.structure`.
         bent: the unknowns, by number, by which second derivatives change with unknowns or multipliers.
     """
@@ -85,10 +85,10 @@ class Derived:
 
 @dataclass(slots=True)
 class Group:
-    """Statements that stand on the same nodes, and their kernels.
+    """Statements on the same nodes, and their kernels.
 
-    ``unknown`` and ``data`` are the inputs that vary from node to node; ``positions`` (len(unknown), k) says where each
-    node finds its decision variables.  ``row_ids`` (rows, k) numbers the rows in the nonlinear program.
+    ``unknown`` and ``data`` are the inputs that vary from node to node; ``positions`` (len(unknown), k) are the
+    positions of each node's decision variables.  ``row_ids`` (rows, k) numbers the rows in the nonlinear program.
     """
 
     nodes: Nodes
@@ -107,7 +107,7 @@ class Group:
 
     @property
     def programs(self) -> Derived:
-        """What :func:`derive` has found."""
+        """The result of :func:`derive`."""
         assert self.derived is not None
         return self.derived
 
@@ -117,7 +117,7 @@ class Group:
         return [row.body for row in self.rows] + ([] if self.objective is None else [self.objective])
 
     def take_inputs(self) -> None:
-        """Note what the statements refer to."""
+        """Record the inputs of the statements."""
         if self.summands:
             self.objective = sum_of([s.body for s in self.summands])
         seen: dict[object, None] = {}
@@ -167,13 +167,13 @@ class Group:
 
 
 _PARTNER = {"sin": "cos", "cos": "sin"}
-"""Functions that take hardly longer together than one of them does."""
+"""Pairs of functions whose joint evaluation takes hardly longer than one."""
 
 
 def _kept(bodies: Sequence[Expr], derivatives: Sequence[Expr], inputs: Set[object]) -> list[Expr]:
-    """The functions of a node's inputs that the derivatives need and the values have, or nearly have.
+    """The function values that the derivatives need and the values kernel computes, or nearly computes.
 
-    A function takes as long as ten operations or twenty, and to keep what it gives takes one or two.
+    A function takes as long as ten or twenty operations, and storing its result takes one or two.
     """
     had = set(reachable(bodies))
     return [
@@ -186,7 +186,7 @@ def _kept(bodies: Sequence[Expr], derivatives: Sequence[Expr], inputs: Set[objec
 
 
 def derive(groups: Sequence[Group], uniform: Sequence[object]) -> None:
-    """Finds what all groups are differentiated to: in this process, on disk, or by doing so.
+    """Find the derivatives of all groups: in this process, on disk, or by differentiating.
 
     Args:
         groups: any; ``unknown``, ``data``, ``objective`` and ``derived`` are set.
@@ -233,7 +233,7 @@ def _name_of(groups: Sequence[Group], uniform: Sequence[object]) -> str:
 
 @lru_cache(maxsize=1)
 def _own_digest() -> str:
-    """Hash of the code that what is kept depends on."""
+    """Hash of the code on which the kept data depends."""
     package = Path(__file__).parent.parent
     sources = [Path(__file__), *sorted((package / "symbolic").rglob("*.py"))]
     return cache.key_of(engine.own_digest(), *[digest_of(str(path)) for path in sources])
@@ -259,7 +259,7 @@ def _derived(
 
 
 def _load(name: str, count: int) -> list[Derived] | None:
-    """What is kept under a name, None where that is nothing, or not what it should be."""
+    """The cached content under a name, None if there is none or it is invalid."""
     kept = cache.load(name)
     if kept is None:
         return None

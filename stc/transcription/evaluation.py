@@ -1,6 +1,6 @@
 """The calls of a program's evaluators: scaled variables in, kernels, scaled entries out.
 
-Where that is much work, each step is cut into pieces that two threads share; results are the same bits either way.
+Large steps are divided into pieces that two threads share; the results have the same bits either way.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen import reference, threads
-from stc.codegen.calls import Bound, chain, chain_until
 from stc.codegen.kernel import KernelSet
+from stc.core.calls import Bound, chain, chain_until
 from stc.solver.evaluator import Evaluator, Part, Places, Scaling
 from stc.transcription.assemble import Program, blocks, data_of
 from stc.transcription.gather import Copying, add_up, all_same, begin, note, place, total
@@ -35,7 +35,7 @@ SHARED = 12
 
 
 class Piece(NamedTuple):
-    """A call of a kernel, where its outputs begin and end in a buffer, and how many operations it takes."""
+    """A call of a kernel, the range of its outputs in a buffer, and its number of operations."""
 
     call: Bound
     begin: int
@@ -89,7 +89,7 @@ def _in_blocks(buffer: FloatArray, start: int, *shape: int) -> FloatArray:
 
 
 def _together(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
-    """Pieces in a row, as many as are no more than one: to copy their outputs takes some calls each time."""
+    """Consecutive pieces merged up to a size, since copying their outputs takes some calls each time."""
     some: list[Piece] = []
     operations = 0
     for piece in pieces:
@@ -103,7 +103,7 @@ def _together(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
 
 
 def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray, buffer: FloatArray) -> None:
-    """Evaluates the derivatives that are constants, where they belong in ``buffer``, and adds up what is one entry.
+    """Evaluate the constant derivatives into their part of ``buffer``, and sum those of one entry.
 
     That is done once, and takes less time than compiling it would.
     """
@@ -121,7 +121,7 @@ def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray,
 
 
 def _pieces(count: int, pieces: float, multiple: int = 8) -> Iterator[slice]:
-    """Cuts a range into slices of whole multiples."""
+    """Divide a range into slices of whole multiples."""
     if count <= multiple or pieces <= 1:
         yield slice(0, count)
         return
@@ -131,7 +131,7 @@ def _pieces(count: int, pieces: float, multiple: int = 8) -> Iterator[slice]:
 
 
 def _effort(program: Program, kernels: KernelSet, values: bool) -> float:
-    """How many pieces there would be."""
+    """The number of pieces."""
     first = 0 if values else len(program.groups)
     operations = sum(group.size * len(kernels.tapes[first + k].ops) for k, group in enumerate(program.groups))
     numbers = program.values_size if values else program.varying_size
@@ -150,7 +150,7 @@ class _Steps:
         self.same = np.zeros(0, np.int64)
 
     def cell(self) -> FloatArray:
-        """Where a call notes that its numbers are not finite: its own cell where others note at the same time."""
+        """The cell in which a call records that its numbers are not finite; a separate one for simultaneous calls."""
         if not self.shared:
             return self.status
         self.cells.append(np.zeros(8)[:1])  # a cache line each
@@ -160,7 +160,7 @@ class _Steps:
         return _pieces(count, count / NUMBERS if self.shared else 1)
 
     def note(self, variables: FloatArray, noted: FloatArray) -> list[Bound]:
-        """Notes which variables they are, and by ``same`` whether they were noted already."""
+        """Record the variables, and in ``same`` whether they were recorded already."""
         cuts = list(self.cut(len(variables)))
         self.same = np.zeros(len(cuts), np.int64)
         return [note(variables[at], noted[at], self.same[k : k + 1]) for k, at in enumerate(cuts)]
@@ -171,7 +171,7 @@ class _Steps:
     def place_variables(
         self, values: FloatArray, scale: FloatArray, its: Wanted, into: FloatArray
     ) -> list[Bound]:
-        """Those of a part among the others, which stay what they are."""
+        """Place a part's variables among the others, which do not change."""
         if its.part is None:
             return self.place(values, scale, into)
         others = its.others(len(into))
@@ -183,7 +183,7 @@ class _Steps:
     def place_multipliers(
         self, values: FloatArray, scale: FloatArray, its: Wanted, into: FloatArray
     ) -> list[Bound]:
-        """Those of a part's rows; no entry of a part depends on other rows' multipliers."""
+        """Place the multipliers of a part's rows; entries of a part do not depend on other rows' multipliers."""
         if its.part is None:
             return self.place(values, scale, into)
         return self._spread(its, values, scale, its.part.rows, into)
@@ -214,7 +214,7 @@ class _Steps:
 
 
 def evaluator(nlp: BoundProgram, scaling: Scaling, part: Part | None = None) -> Evaluator:
-    """Arrays of its own for one scaling, and the calls that fill them; of a part of the program, if one is given."""
+    """Arrays for one scaling, and the calls that fill them; for a part of the program, if one is given."""
     its = nlp.wanted(part)
     result = Evaluator.allocate(len(scaling.variable), len(scaling.row), len(its.jacobian), len(its.hessian))
     objective = np.array([scaling.objective])
@@ -224,7 +224,7 @@ def evaluator(nlp: BoundProgram, scaling: Scaling, part: Part | None = None) -> 
 
 
 def unless(condition: Bound, calls: Sequence[Bound]) -> Bound:
-    """A call that makes the others unless the first one gives something else than 0."""
+    """A call that makes the others if the first one returns 0."""
     return chain_until([(condition, True), *((call, False) for call in calls)])
 
 
@@ -237,7 +237,7 @@ def _shared(nlp: BoundProgram, values: bool) -> bool:
 
 
 def copied_within(workspace: FloatArray, positions: tuple[Places, Places]) -> list[Bound]:
-    """Copies within the workspace what kernels are to find together."""
+    """Copy within the workspace the values that kernels need side by side."""
     source, target = positions
     unread = np.zeros(1)  # numbers that no wanted entry depends on need not be finite
     return Copying.of(source, target).bind(workspace, np.ones(len(source)), workspace, unread)
@@ -277,12 +277,12 @@ def _derivatives_call(
     variables = nlp.workspace[:n]
 
     def copied(begin: int, end: int, status: FloatArray) -> Iterator[Bound]:
-        """Copies the outputs at these places of the buffer to where they belong."""
+        """Copy the outputs at these positions of the buffer to their targets."""
         for number, at, copying in its.outputs(begin, end):
             yield from copying.bind(buffer, scales[number][at], outs[number], status)
 
     def folded() -> Iterator[Bound]:
-        """Adds up what belongs together, and copies it again."""
+        """Sum outputs of one entry, and copy the sum again."""
         status = steps.cell()
         for number, calls in enumerate(nlp.foldings):
             if calls:
@@ -291,7 +291,7 @@ def _derivatives_call(
                 yield from copying.bind(buffer, scales[number][at], outs[number], status)
 
     def constants() -> list[Bound]:
-        """What of the constants remains to be done at each evaluation: to tell that they are not finite."""
+        """The remaining work for constants at each evaluation: a check that they are finite."""
         status = np.zeros(1)
         for call in copied(program.varying_size, program.derivatives_size, status):
             call()
@@ -300,7 +300,7 @@ def _derivatives_call(
         return list(copied(program.varying_size, program.derivatives_size, steps.cell()))
 
     def values() -> Iterator[list[Bound]]:
-        """What the values kernels have found is there, unless the last values were those of other variables."""
+        """Evaluate the values kernels, unless they were last evaluated for the same variables."""
         if not nlp.keeps:
             return
         notes = steps.note(variables, nlp.noted)

@@ -1,7 +1,7 @@
-"""Where in time statements stand: frames, midpoints and the two sides of jumps.
+"""The nodes of statements in time: frames, midpoints and the two sides of jumps.
 
 A *node* is a place where an expression is evaluated.  Its position is counted in half frames, so that frame
-``i`` is ``2*i`` and the midpoint after it ``2*i + 1``; its side tells which of the two values of a jump it
+``i`` is ``2*i`` and the midpoint after it ``2*i + 1``; its side says which of the two values of a jump it
 reads.
 """
 
@@ -24,7 +24,7 @@ SIDES = {"": SINGLE, "before": BEFORE, "after": AFTER}
 
 @dataclass(frozen=True, slots=True)
 class Nodes:
-    """Places where a statement stands, in time order.
+    """The nodes of a statement, in time order.
 
     ``position`` (k,): twice the frame index (odd at midpoints); ``side`` (k,): SINGLE, BEFORE or AFTER; ``row`` (k,):
     of a statement on the rows of a data set, which row each is for, of which several may be within one step; else None.
@@ -50,7 +50,7 @@ class Nodes:
         return (self.position & 1).astype(bool)
 
     def key(self) -> bytes:
-        """Equal for equal nodes: groups statements that stand on the same places."""
+        """Equal for equal nodes: it groups statements on the same nodes."""
         rows = b"" if self.row is None else b"|" + self.row.tobytes()
         return self.position.tobytes() + b"|" + self.side.tobytes() + rows
 
@@ -64,7 +64,7 @@ def join(parts: list[Nodes]) -> Nodes:
 
 
 class Grid:
-    """The frames of a motion, with midpoints where the method has them, and the frames that jump."""
+    """The frames of a motion, with midpoints if the method has them, and the frames with jumps."""
 
     def __init__(self, problem: Problem) -> None:
         self.n = problem.n
@@ -107,7 +107,7 @@ class Grid:
         return Nodes(position[order], side[order])
 
     def step_nodes(self) -> Nodes:
-        """One node inside every step, for what belongs to the step itself. (n,)"""
+        """The midpoints of all steps, for quantities that are defined once per step. (n,)"""
         return Nodes(2 * np.arange(self.n) + 1, np.zeros(self.n, np.int64))
 
     def pieces(
@@ -116,12 +116,12 @@ class Grid:
         nodes: Nodes,
         of_steps: bool = False,
     ) -> IntArray:
-        """Which piece of a ranged definition holds at each node, -1 where none does. (k,)
+        """The piece of a ranged definition at each node, -1 if there is none. (k,)
 
-        Of overlapping pieces the later one wins; at a jump, pieces that end there speak for the value before
-        it and pieces that start there for the value after it.  A midpoint takes the piece of the frame before,
-        of the side after it where that frame jumps.  A definition ``of_steps``, which ``h`` is, names the steps
-        that begin at its frames: no side of a jump tells them apart.
+        Of overlapping pieces the later one is used; at a jump, pieces that end there define the value before it and
+        pieces that start there the value after it.  A midpoint uses the piece of the frame before, after its jump if
+        there is one.  A definition ``of_steps``, such as ``h``, belongs to the steps that begin at its frames, and is
+        the same on both sides of a jump.
         """
         frame = nodes.frame
         found = np.full(len(nodes), -1)

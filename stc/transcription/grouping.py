@@ -1,4 +1,4 @@
-"""Rows and summands by the nodes that they stand on, and the numbers of the rows in the nonlinear program."""
+"""Grouping of rows and summands by their nodes, and the numbers of the rows in the nonlinear program."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def build_groups(statements: Statements) -> list[Group]:
 
 
 def number_rows(groups: Sequence[Group]) -> tuple[NDArray[np.int32], IntArray, IntArray, IntArray]:
-    """Numbers the rows frame by frame, in order of time and then of appearance: sets ``row_ids`` of the groups.
+    """Number the rows frame by frame, in order of time and then of appearance: sets ``row_ids`` of the groups.
 
     Returns:
-        Per row (m,) its frame, its group, its number there and the node of the group that it stands on.
+        Per row (m,) its frame, its group, its number there and its node in the group.
     """
     frames, owner, number, instance = [], [], [], []
     for g, group in enumerate(groups):

@@ -1,9 +1,9 @@
-"""The starting point: pinned values, written guesses, straight lines in between.
+"""The starting point: fixed values, guesses of the spec, and straight lines between.
 
-Where a variable is pinned (its bounds coincide) it starts there.  Elsewhere values given from outside count,
-then a written guess; without either the start is linear between the pinned frames, constant outside them, 0 where
-nothing is pinned.  Derivatives that are unknowns of their own start from differences of these values, and so do
-angular velocities, from those of the orientation.
+A variable whose bounds coincide starts at this fixed value.  Elsewhere it starts at values given by the caller, else
+at the spec's guess; without either the start is linear between the fixed frames, constant outside of them, and 0 if
+nothing is fixed.  Derivatives that are unknowns start from differences of these values, and angular velocities from
+differences of the orientation.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def _follow(
     outside: Mapping[str, NodeValues | None],
     x: FloatArray,
 ) -> None:
-    """Start variables that are guessed by the starting values of others, such as the directions of distances."""
+    """Start variables whose guess depends on the starting values of others, such as the directions of distances."""
     following = [g for g in problem.guesses if _follows(g) and not _is_whole(outside[g.name])]
     if not following:
         return
@@ -166,7 +166,7 @@ def _settle(
     time: FloatArray,
     known: Mapping[object, float],
 ) -> None:
-    """Bring what a model holds to its place; ``starts`` are values of variables, which are changed."""
+    """Move the held constraints of a model to their places; ``starts`` are values of variables, which are changed."""
     n, middles = len(time) - 1, any(len(mids) for _, mids in starts.values())
     at = np.arange(2 * n + 1) / 2.0 if middles else np.arange(n + 1.0)
     paths = {}
@@ -184,8 +184,8 @@ def _settle(
 
 
 def check_names(given: GivenValues, problem: Problem) -> None:
-    """Refuse values for names that the spec does not have (a solution may have some, but not only such), and tell of
-    others that it has no use for.
+    """Refuse values for names that the spec does not have (a solution may contain some, but not only such), and report
+    unused values.
 
     Raises:
         UsageError: with the nearest name.
@@ -202,11 +202,13 @@ def check_names(given: GivenValues, problem: Problem) -> None:
     name = unknown[0]
     near = get_close_matches(name.rstrip("'"), known, n=1, cutoff=0.5)
     hint = f"did you mean `{near[0]}`?" if near else f"it has {', '.join(known) or 'none'}"
-    raise UsageError(f"the guess names `{name}`, which is no variable or parameter of {problem.name}", hint)
+    raise UsageError(
+        f"the guess names `{name}`, which is not a variable or parameter of {problem.name}", hint
+    )
 
 
 def check_motion(earlier: Solution, problem: Problem) -> None:
-    """Refuse another spec's motion that has none of a problem's variables; tell what else there is no use for.
+    """Refuse the motion of another spec without a common variable; report unused values.
 
     Raises:
         UsageError: with the variables of both.
@@ -222,7 +224,7 @@ def check_motion(earlier: Solution, problem: Problem) -> None:
 
 
 def _used(problem: Problem) -> dict[str, int]:
-    """The highest derivative of each variable that statements and jumps name, definitions taken apart."""
+    """The highest derivative of each variable in statements and jumps, with definitions expanded."""
     pieces = [piece.body for named in problem.definitions.values() for piece in named]
     bodies = [*(r.body for r in problem.relations), *(o.body for o in problem.objective), *pieces]
     keys = [key for body in bodies for key in symbols(body)]
@@ -241,7 +243,7 @@ def _written(
     time: FloatArray,
     outside: Mapping[str, NodeValues | None],
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Written guesses at frames (n+1,) and midpoints (n,) per variable, NaN where none is given.
+    """The spec's guesses at frames (n+1,) and midpoints (n,) per variable, NaN without one.
 
     Those that there are numbers for from outside at every node are left out.
     """
@@ -272,7 +274,7 @@ def _written(
 def _step_hint(
     steps: Steps, coefficients: FloatArray, values: Mapping[object, float], names: Sequence[str]
 ) -> str:
-    """What to write where a step starts at no positive length because of the start of some parameters.
+    """The hint for a step that is not positive at the start because of the start of some parameters.
 
     The line that is proposed has every step positive and the whole motion last some seconds, if such values are found.
     """
@@ -291,7 +293,7 @@ def _step_hint(
 
 
 def _no_value(guess: Guess, frame: float | None) -> EvaluationError:
-    """What to raise for a guess that is no number at a frame."""
+    """The error for a guess that is not a number at a frame."""
     hint = "a guess is a number on every frame of its range"
     return EvaluationError("this guess has no value", frame=frame, span=guess.span, hint=hint)
 
@@ -302,7 +304,7 @@ def _is_whole(values: NodeValues | None) -> bool:
 
 
 def _known(written: tuple[FloatArray, FloatArray] | None, outside: NodeValues | None) -> NodeValues | None:
-    """What the spec and the outside say of a variable, the outside first."""
+    """The values of a variable given by the caller or the spec, the caller's first."""
     if written is None:
         return outside
     frames, mids = written
@@ -312,7 +314,7 @@ def _known(written: tuple[FloatArray, FloatArray] | None, outside: NodeValues | 
 
 
 def _over(values: FloatArray, better: FloatArray) -> FloatArray:
-    """The better values where they are numbers; there may be none at midpoints."""
+    """The better values where they are numbers; midpoints may be missing."""
     return np.where(np.isnan(better), values, better) if len(better) else values
 
 

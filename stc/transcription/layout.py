@@ -1,4 +1,4 @@
-"""Where each unknown lives in the vector of decision variables.
+"""The positions of the unknowns in the vector of decision variables.
 
 Frame by frame, so that the KKT system is block banded::
 
@@ -63,9 +63,9 @@ class Layout:
         self.stage[: start[-1]] = np.repeat(np.arange(n + 1), lengths)
 
     def position(self, ref: VariableRef | ParameterRef, nodes: Nodes) -> IntArray:
-        """Positions of what ``ref`` means at each node. (k,)
+        """Positions of the reference ``ref`` at each node. (k,)
 
-        Read from elsewhere, a two-valued quantity gives the value on the side nearer to the reader.
+        At another frame, a two-valued quantity gives the value on the side closer to the node.
         """
         if isinstance(ref, ParameterRef):
             return np.full(len(nodes), self.parameters[ref.name])
@@ -85,7 +85,7 @@ class Layout:
         return result
 
     def reachable(self, ref: VariableRef, nodes: Nodes, reach: int = 0) -> NDArray[np.bool_]:
-        """Where ``ref``, with ``reach`` frames on either side, falls on a frame that exists. (k,)"""
+        """Whether ``ref``, with ``reach`` frames on either side, is within the motion. (k,)"""
         if (ref.scale, ref.shift) == (1, 0):
             target, whole = nodes.position, np.ones(len(nodes), bool)
         elif ref.scale.denominator == 1 and ref.shift.denominator == 1:

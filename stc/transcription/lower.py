@@ -27,7 +27,7 @@ from stc.transcription.steps import Steps
 
 @dataclass(frozen=True, slots=True)
 class DataRef:
-    """A number that each node brings along.
+    """A number that differs from node to node.
 
     ``kind``: ``index`` (i), ``elapsed`` (share of basis function ``item`` in t), ``step`` (share of basis
     function ``item`` in the step after frame ``scale*i + shift``), ``weight`` (entry ``item`` of the
@@ -50,7 +50,7 @@ def definition_value(problem: Problem, ref: DefinitionRef, piece: int) -> Expr:
 
 
 def groups(signature: NDArray[np.int64]) -> Iterator[tuple[IntArray, IntArray]]:
-    """Splits columns of a (rows, k) table into classes of equal columns: (column, indices) pairs."""
+    """Split the columns of a (rows, k) table into classes of equal columns: (column, indices) pairs."""
     if signature.shape[1] == 0:
         return
     if signature.shape[0] == 0 or (signature == signature[:, :1]).all():
@@ -69,7 +69,7 @@ class Expander:
         self.problem, self.grid = problem, grid
 
     def __call__(self, body: Expr, nodes: Nodes) -> Iterator[tuple[Expr, Nodes]]:
-        """Yields (expression without definitions, the nodes it is for)."""
+        """Yield (expression without definitions, its nodes)."""
         refs = [k for k in symbols(body) if isinstance(k, DefinitionRef)]
         if not refs or not len(nodes):
             yield body, nodes
@@ -95,7 +95,7 @@ class Expander:
 
 @dataclass(frozen=True, slots=True)
 class Stencil:
-    """Where a central difference reads from, per node.
+    """The points of a central difference, per node.
 
     ``first`` (k,): offset in frames of its first point; ``count`` (k,): number of steps it spans;
     ``supports``: per step and basis function (k,) whether the step has it.
@@ -111,7 +111,7 @@ class Stencil:
 
 
 class Lowering:
-    """Everything that tells what an expression means at a node.
+    """The meaning of expressions at nodes.
 
     Attributes:
         known_forms: of expressions at all nodes, which :mod:`stc.transcription.recover` keeps here.
@@ -232,7 +232,7 @@ def data_values(
     coefficients: NDArray[np.float64],
     weights: Mapping[int, NDArray[np.float64]],
 ) -> NDArray[np.float64]:
-    """The numbers that a :class:`DataRef` stands for. (k,)"""
+    """The numbers of a :class:`DataRef`. (k,)"""
     if ref.kind == "index":
         return nodes.position / 2.0
     if ref.kind == "elapsed":

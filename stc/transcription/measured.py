@@ -1,7 +1,7 @@
 """Statements on the rows of a data set: the motion between the frames, at the time of each row.
 
-What a row means by a variable is the transcription's own curve (:mod:`stc.trajectory`), the one that a solution is
-read off between its frames: under hermite-simpson a parabola for the highest derivative in use, whose integrals the
+The value of a variable at the time of a row is read from the transcription's own curve (:mod:`stc.trajectory`), as a
+solution between its frames: under hermite-simpson a parabola for the highest derivative in use, whose integrals the
 lower ones are; under trapezoidal a line for that one; under central a cubic with the velocities of the differences.
 On such a curve a value is a sum of the unknowns of one step, each with a weight that depends on the row's place in
 the step and on the step's length alone. So a statement on rows is one on steps, with these weights as data.
@@ -32,16 +32,16 @@ FORGIVEN = 1e-9
 
 
 class Measured:
-    """What expressions mean on the rows of a data set that have all numbers a term wants.
+    """Expressions on the rows of a data set that have all numbers of a term.
 
     Args:
-        lowering: of the problem.
+        lowering: lowering of the problem.
         term: a sum over rows.
-        table: makes node data of a number for each row, (rows,).
+        table: function that makes node data from a number for each row, (rows,).
 
     Attributes:
         rows: the numbers of those rows, (m,), in the order of time.
-        nodes: where each stands, (m,).
+        nodes: the node of each, (m,).
 
     Raises:
         SpecError: a row lies outside the motion; where rows lie among the frames depends on an unknown.
@@ -65,7 +65,7 @@ class Measured:
             complete &= np.isfinite(self.data.columns[column])
         self.rows = np.flatnonzero(complete)
         if not self.rows.size:
-            self._fail("no row has all numbers that this wants", "empty cells are left out, row by row")
+            self._fail("no row has all numbers that this needs", "empty cells are left out, row by row")
         zeros = np.zeros(count)
         self.where, self.length = (
             Places(np.zeros(count, np.intp), zeros, np.zeros(count, np.intp), zeros),
@@ -84,12 +84,13 @@ class Measured:
         raise SpecError([Diagnostic("error", message, self.term.span, hint)])
 
     def _locate(self) -> None:
-        """Find the step that each row is in."""
+        """Find the step of each row."""
         steps, problem = self.lowering.steps, self.lowering.problem
         if steps.free:
             free = " and ".join(f"`{key.name}`" for key in steps.parameters)
             self._fail(
-                f"the time from one frame to the next depends on {free}, so that no row has a place among the frames",
+                f"the time from one frame to the next depends on {free}, so that the position of a row among the "
+                "frames is not known",
                 "the times of measurements are known: make the step a constant, as in `T = 2, h = T/n`",
             )
         constants = problem.constants
@@ -111,7 +112,9 @@ class Measured:
         self.length = lengths[self.where.step] if len(lengths) else np.zeros(len(time))
 
     def lowered(self, body: Expr) -> Iterator[tuple[Expr, Nodes]]:
-        """An expression by decision variables, constants and node data, with its nodes, for each form that it has."""
+        """An expression in terms of decision variables, constants and node data, with its nodes, for each form that it
+        has.
+        """
         grid = self.lowering.grid
         mapping: dict[object, Expr] = {}
         for key in symbols(body):
@@ -147,7 +150,7 @@ class Measured:
             turning = any(ref.name in rotation.quaternion for rotation in self.lowering.problem.rotations)
             for unknown, weight in self._weights(ref, turning):
                 at_node = sym(unknown)
-                if turning and unknown.order:  # what changes a quaternion is no unknown of its own
+                if turning and unknown.order:  # what changes a quaternion is not an unknown of its own
                     at_node = self._rate(replace(unknown, order=0))
                 weight = np.where(np.isfinite(weight), weight, 0.0)
                 used = weight[self.rows]

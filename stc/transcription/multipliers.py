@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 
 Statement = tuple[str, str]
-"""Kind (``row`` or ``link``) and text of what rows come from."""
+"""Kind (``row`` or ``link``) and text of the statement that rows come from."""
 
 
 Rows = tuple[Nodes, IntArray, IntArray]
@@ -28,7 +28,7 @@ Places = tuple[str, Nodes, IntArray]
 
 
 def rows_by_statement(stated: Stated) -> dict[Statement, Rows]:
-    """The rows of every statement that has some; found once."""
+    """The rows of every statement; cached."""
     known: dict[Statement, Rows] = stated.remembered("rows by statement", _rows_by_statement)
     return known
 
@@ -58,7 +58,7 @@ def _rows_by_statement(stated: Stated) -> dict[Statement, Rows]:
 
 
 def bound_nodes(stated: Stated) -> list[Places]:
-    """Where every variable and parameter is; found once."""
+    """The positions of every variable and parameter; cached."""
     known: list[Places] = stated.remembered("bound nodes", lambda found: list(_bound_nodes(found)))
     return known
 
@@ -97,7 +97,7 @@ Blocks = list[tuple[MultiplierBlock, IntArray]]
 
 
 def _blocks(stated: Stated) -> tuple[Blocks, Blocks]:
-    """Those of rows and those of bounds."""
+    """The blocks of rows and those of bounds."""
     return (
         [
             (_block(kind, label, nodes), ids)

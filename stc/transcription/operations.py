@@ -1,6 +1,6 @@
-"""How many arithmetic operations the derivatives of a whole motion take, before and after simplification.
+"""The number of arithmetic operations for the derivatives of a whole motion, before and after simplification.
 
-Three ways to hold the same numbers are compared, over all frames:
+Three ways to compute the same numbers are compared, over all frames:
 
 *naive trees*
     the chain rule applied to every statement at every frame for every unknown, nothing simplified, nothing

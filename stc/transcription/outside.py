@@ -1,4 +1,4 @@
-"""Which tables a motion uses outside of their numbers, and where: there it rests on what nobody has measured."""
+"""Tables that a motion uses outside of their numbers, which is extrapolation."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["used_outside"]
 _ROUNDING = 1e-9
 
 _MEANT = {
-    "extend": "there it goes straight on with its last slope",
+    "extend": "there it continues linearly with its last slope",
     "hold": "there it keeps its last value",
     "error": "there it has no value",
 }
 
 
 def used_outside(recovery: Recovery) -> list[str]:
-    """A sentence for each table that a motion uses outside of its numbers."""
+    """A note for each table that a motion uses outside of its numbers."""
     problem = recovery.problem
     if not problem.data:
         return []
@@ -58,7 +58,7 @@ def _arguments(node: Expr) -> list[tuple[Expr, TableRef, int]]:
 def _farthest(
     recovery: Recovery, argument: Expr, where: FrameRange, ref: TableRef, number: int
 ) -> tuple[float, float, float] | None:
-    """How far an argument is outside of its table, as a share of that, where it is farthest; its value; the frame."""
+    """The largest distance of an argument from its table's range, relative to that range; its value; the frame."""
     axis = ref.table.axes[number].x
     values = recovery.channel(argument).before[where.first : where.last + 1]
     beyond = np.maximum(axis[0] - values, values - axis[-1]) / (axis[-1] - axis[0])

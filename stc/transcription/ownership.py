@@ -1,4 +1,4 @@
-"""Which statement of the spec every row and every bound of the nonlinear program comes from."""
+"""The statement of the spec for every row and every bound of the nonlinear program."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["BoundEntry", "Ownership", "Place"]
 
 @dataclass(frozen=True, slots=True)
 class BoundEntry:
-    """What one relation says of single unknowns: ``lower <= slope * x[position] <= upper``, all (k,)."""
+    """The bound of one relation on single unknowns: ``lower <= slope * x[position] <= upper``, all (k,)."""
 
     relation: int
     nodes: Nodes
@@ -34,7 +34,7 @@ class BoundEntry:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place in the motion: a frame, a half at midpoints, and ``"before"`` or ``"after"`` at a jump."""
+    """A place in the motion: a frame, plus one half at midpoints, and ``"before"`` or ``"after"`` at a jump."""
 
     frame: float
     side: str = ""
@@ -49,8 +49,8 @@ class Ownership:
 
     Attributes:
         row_owner: (m,) index of each row's relation in ``Problem.relations``, LINK for the transcription's own rows.
-        bounds: what relations say of single unknowns.
-        relations: those that restrict anything, in the order of the text.
+        bounds: bounds of relations on single unknowns.
+        relations: relations with an effect, in the order of the text.
     """
 
     def __init__(self, transcription: Transcription, bound: BoundProgram) -> None:
@@ -97,7 +97,7 @@ class Ownership:
         )
 
     def rows_kept(self, kept: Iterable[int]) -> NDArray[np.bool_]:
-        """(m,) rows that stand when only these relations do: links, and rows that any of them states."""
+        """(m,) rows that remain with these relations only: links, and rows that any of them states."""
         wanted = np.zeros(len(self.problem.relations) + 1, bool)
         wanted[list(kept)] = True
         wanted[LINK] = True
@@ -114,7 +114,7 @@ class Ownership:
         return np.asarray(rows)
 
     def bounds_kept(self, kept: Iterable[int], size: int) -> tuple[FloatArray, FloatArray]:
-        """(size,) bounds of the unknowns when only these relations stand; they may cross."""
+        """(size,) bounds of the unknowns with these relations only; they may contradict each other."""
         wanted = set(kept)
         lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
         for at, least, most in self._step_limits:
@@ -127,7 +127,7 @@ class Ownership:
         return lower, upper
 
     def largest_by_relation(self, amount: FloatArray) -> dict[int, float]:
-        """The largest of some amounts of the rows, (m,), for every relation that states one with any."""
+        """The largest of some amounts of the rows, (m,), for every relation that has rows."""
         most = np.zeros(len(self.problem.relations) + 1)
         np.maximum.at(most, self.row_owner, amount)
         for row, others in self._others.items():
@@ -136,11 +136,11 @@ class Ownership:
         return {int(k): float(most[k]) for k in np.flatnonzero(most[:-1])}
 
     def place(self, row: int) -> Place:
-        """Where a row stands."""
+        """The place of a row."""
         return place_of(int(self.row_nodes[0][row]), int(self.row_nodes[1][row]))
 
     def label(self, row: int) -> str:
-        """What a row of the transcription itself is called."""
+        """The name of a row of the transcription itself."""
         program = self.transcription.program
         group = program.groups[program.row_group[row]]
         return group.rows[program.row_number[row]].label

@@ -1,4 +1,4 @@
-"""Where the two sides of each complementarity are among the variables and rows of the nonlinear program."""
+"""The variables and rows of the two sides of each complementarity in the nonlinear program."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ At = Callable[[Expr, Nodes], FloatArray]
 
 
 class _Places:
-    """Where a relation is at each of its nodes: the node's code, the place, and whether its limit is a lower one."""
+    """The nodes of a relation: the node's code, its row or variable, and whether its limit is a lower one."""
 
     def __init__(self) -> None:
         self.of: dict[int, tuple[int, bool]] = {}
@@ -43,8 +43,8 @@ def find_pairs(
 ) -> Pairs:
     """The complementary pairs of a program.
 
-    A product that presents itself as a bound, since one side is known, is none; nor is one of whose sides another
-    statement has narrowed the bound: it remains a row like others.
+    A product that is a bound, because one side is known, is not a pair.  Nor is a product if another statement has
+    narrowed the bound of a side: it remains an ordinary row.
 
     Args:
         relations: of the problem.

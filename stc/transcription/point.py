@@ -1,8 +1,8 @@
-"""What a spec states at one point, evaluated in plain NumPy: objective, statements, bounds, optimality conditions.
+"""A spec at one point, evaluated in plain NumPy: objective, statements, bounds, optimality conditions.
 
-The solver sees a problem through compiled kernels, its own derivatives and its own scaling.  Here expressions are
-evaluated one operator at a time, slopes come from :mod:`stc.symbolic.slopes`, and nothing is scaled, so that what a
-solve claims can be held against something else than itself.
+The solver evaluates a problem through compiled kernels, its own derivatives and its own scaling.  Here expressions are
+evaluated one operator at a time, derivatives come from :mod:`stc.symbolic.slopes`, and nothing is scaled, so that the
+result of a solve can be checked independently.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ MEAN_MULTIPLIER, LARGEST_SCALE = 100.0, 1e3
 
 @dataclass(frozen=True, slots=True)
 class Miss:
-    """How far a statement is from holding at one node.
+    """The violation of a statement at one node.
 
     Attributes:
         relation: index of the relation, -1 for links between a variable and its derivative.
-        label: what the link is of; "" for relations.
-        frame: where, a half more at midpoints.
-        value: of what is stated, in the statement's own units.
-        bound: that it should keep to.
-        amount: by how much it does not, in the same units.
+        label: name of the link; "" for relations.
+        frame: the frame, plus one half at midpoints.
+        value: value of the statement's body, in its own units.
+        bound: the bound that is violated.
+        amount: the violation, in the same units.
     """
 
     relation: int
@@ -60,7 +60,7 @@ class Miss:
 
 @dataclass(slots=True)
 class Found:
-    """What a point comes to.
+    """The figures of a point.
 
     Attributes:
         objective: its value.
@@ -68,10 +68,10 @@ class Found:
         violation: largest violation of a row or of a bound of an unknown, each relative to max(1, the bound).
         misses: the statements that are violated, worst place of each, the worst first; links after those of the spec.
         stationarity: largest entry of the Lagrangian's gradient with the given multipliers, (N,) entries.
-        complementarity: largest multiplier times the distance, at most 1, of what it holds from the bound it is for.
-        size: what both are relative to: the largest term in the gradient, the mean multiplier over 100, and 1.
-        steepest: the unknown by which the Lagrangian is not stationary most, with its frame (-1: of none).
-        loosest: what has the multiplier that is least complementary: statement or name, and frame.
+        complementarity: largest product of a multiplier and the distance, at most 1, from its bound.
+        size: the scale of both: the largest of the largest term in the gradient, the mean multiplier over 100, and 1.
+        steepest: the unknown with the largest entry of the Lagrangian's gradient, with its frame (-1: none).
+        loosest: the statement or name with the largest product of multiplier and distance, and its frame.
         unpaired: the largest smaller side of a complementary pair, relative to max(1, larger side).
         loosest_pair: the statement of that pair, and frame.
     """
@@ -115,7 +115,7 @@ class Point:
         self.misses: dict[tuple[int, str], Miss] = {}
 
     def found(self) -> Found:
-        """All of it."""
+        """All figures."""
         gradient, lagrangian = np.zeros(len(self.x)), self.z.copy()
         objective, magnitude, largest_term = 0.0, 0.0, 0.0
         complementarity, violation, loosest = 0.0, 0.0, ("", -1.0)
@@ -176,7 +176,7 @@ class Point:
         )
 
     def _unpaired(self, rows: FloatArray) -> tuple[float, tuple[str, float]]:
-        """The least complementary pair, for values ``rows`` (M,): its smaller side, and where it is."""
+        """The least complementary pair, for values ``rows`` (M,): its smaller side, and its place."""
         stated, low, high = self.stated, self.bounds.lower, self.bounds.upper
         relations = stated.problem.relations
         pairs = find_pairs(
@@ -218,7 +218,7 @@ class Point:
     def _sweeps(
         self, bodies: list[Expr], nodes: Nodes
     ) -> Iterator[tuple[Nodes, Sweep, dict[Hashable, IntArray]]]:
-        """Expressions at nodes, some at a time, with where their unknowns are in the decision vector."""
+        """Expressions at nodes, in portions, with the positions of their unknowns in the decision vector."""
         symbols_of = dict.fromkeys(key for body in bodies for key in symbols(body))
         for begin in range(0, len(nodes), _CHUNK):
             some = nodes[np.arange(begin, min(begin + _CHUNK, len(nodes)))]
@@ -243,7 +243,7 @@ class Point:
         return low, high
 
     def _note(self, row: Row, value: FloatArray, lower: FloatArray, upper: FloatArray, nodes: Nodes) -> float:
-        """Remember where a row is missed most; its largest violation, relative."""
+        """Record the largest violation of a row; returns it, relative."""
         share = _overstepped(value, lower, upper)
         worst = _largest(share)
         if worst > 0.0:
@@ -272,7 +272,7 @@ class Point:
         return f"{what}{name}{chr(39) * order}", frame
 
     def _note_bound(self, bound: Any) -> None:
-        """Remember where a statement in one unknown, or in none, is missed most, in its own units."""
+        """Record the largest violation of a statement in one unknown, or in none, in its own units."""
         nodes = bound.nodes
         value = np.array(self.numbers.at(bound.rest, nodes), dtype=np.float64)
         if bound.unknown is not None:
@@ -303,13 +303,13 @@ class Point:
 
 
 def _largest(values: FloatArray) -> float:
-    """The largest of some values that are not negative; infinite where one is no number."""
+    """The largest of some values that are not negative; infinite where one is not a number."""
     most = float(values.max(initial=0.0))
     return most if most == most else np.inf
 
 
 def _overstepped(value: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Violations relative to max(1, the bound); nan where there is no value."""
+    """Violations relative to max(1, the bound); nan where undefined."""
     with np.errstate(invalid="ignore"):
         below = np.where(np.isfinite(lower), (lower - value) / np.maximum(1.0, np.abs(lower)), 0.0 * value)
         above = np.where(np.isfinite(upper), (value - upper) / np.maximum(1.0, np.abs(upper)), 0.0 * value)
@@ -317,7 +317,7 @@ def _overstepped(value: FloatArray, lower: FloatArray, upper: FloatArray) -> Flo
 
 
 def _product(multiplier: FloatArray, value: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Multiplier times the distance to the bound that it is for; far bounds count as at a distance of 1."""
+    """The product of a multiplier and the distance from its bound; the distance counts 1 at most."""
     with np.errstate(invalid="ignore"):
         room = np.where(multiplier > 0.0, upper - value, value - lower)
         return np.abs(multiplier * np.clip(room, 0.0, 1.0))

@@ -25,11 +25,11 @@ MIDPOINTS = -1
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What an expression is at some nodes, in terms of the decision vector.
+    """An expression at some nodes, in terms of the decision vector.
 
     Attributes:
-        body: of decision variables, constants and data.
-        nodes: which those are, (k,).
+        body: expression of decision variables, constants and data.
+        nodes: the nodes, (k,).
         positions: of each variable, (k,).
         data: the numbers of nodes that it refers to.
     """
@@ -41,7 +41,7 @@ class Form:
 
 
 def forms_of(lowering: Lowering, body: Expr, where: int) -> list[Form]:
-    """The forms of an expression at all frames, of the side ``where``, or at all midpoints; found once."""
+    """The forms of an expression at all frames, on the side ``where``, or at all midpoints; cached."""
     known: dict[tuple[Expr, int], list[Form]] = lowering.known_forms
     if (body, where) not in known:
         grid, layout = lowering.grid, lowering.layout
@@ -60,7 +60,7 @@ def forms_of(lowering: Lowering, body: Expr, where: int) -> list[Form]:
 
 
 class Recovery:
-    """Reads trajectories, and any expression of the spec, off a decision vector."""
+    """Evaluates trajectories, and any expression of the spec, from a decision vector."""
 
     def __init__(
         self,
@@ -109,11 +109,11 @@ class Recovery:
         return found
 
     def derived(self) -> frozenset[tuple[str, int]]:
-        """The trajectories that follow from unknowns: the rates of quaternions."""
+        """The trajectories that are computed from unknowns: the rates of quaternions."""
         return frozenset((name, 1) for r in self.problem.rotations for name in r.quaternion)
 
     def channel(self, body: Expr) -> Channel:
-        """An expression of the spec at every node; where central clips it, the nearest frame's value.
+        """An expression of the spec at every node; where central differences do not reach, the nearest frame's value.
 
         Returns:
             A channel of n+1 frame values before and after, and n midpoint values for hermite-simpson.
@@ -129,7 +129,7 @@ class Recovery:
         return channel
 
     def _filled(self, body: Expr, where: int, count: int) -> FloatArray:
-        """Values at all frames, of the side ``where``, or at all midpoints; nan where there are none. (count,)"""
+        """Values at all frames, of the side ``where``, or at all midpoints; nan without values. (count,)"""
         into = np.full(count, np.nan)
         for form in forms_of(self.lowering, body, where):
             values = dict(self._values)

@@ -1,8 +1,8 @@
 """An earlier solution's multipliers on other frames, statement by statement.
 
-Frames go where those of their phase are (see :mod:`stc.alignment`).  What a statement on a stretch of frames costs is
-a density in time: each of its rows carries the share of the time around its node, so that twice as many rows
-have half the multiplier each.  A statement on a single frame, and the link of a step (whose multiplier is the
+Frames are aligned phase by phase (see :mod:`stc.alignment`).  The multipliers of a statement on a range of frames are a
+density in time: each of its rows has the share of the time around its node, so that twice as many rows have half the
+multiplier each.  A statement on a single frame, and the link of a step (whose multiplier is the
 costate), have values of their own that do not depend on the step.
 """
 
@@ -29,7 +29,8 @@ APART = 1e-9
 KEPT = 4
 
 SAME, MOST_OFF = 0.2, 1e3
-"""Objectives whose logarithms differ by less count as equal; a ratio beyond the other says nothing."""
+"""Objectives whose logarithms differ by less than the first count as equal; ratios above the second are ignored.
+"""
 
 
 def resample_multipliers(
@@ -39,7 +40,8 @@ def resample_multipliers(
     lengths: FloatArray,
     alignment: Alignment,
 ) -> tuple[FloatArray, FloatArray]:
-    """Multipliers of rows (m,) and bounds (size,) that follow an earlier solution's; 0 for what it does not have.
+    """Multipliers of rows (m,) and bounds (size,) that follow an earlier solution's; 0 for statements that it does not
+    have.
 
     Args:
         bound: the program to start, its ``x0`` following the same solution.
@@ -57,7 +59,7 @@ def resample_multipliers(
 
 
 def _objective_ratio(solution: Solution, bound: BoundProgram) -> float:
-    """How many times larger the objective has become: one that is a plain sum grows with the number of frames."""
+    """The ratio of the new objective to the old one: a plain sum grows with the number of frames."""
     objective, _ = bound.values(bound.x0)
     ratio = objective / solution.objective if solution.objective else 1.0
     return ratio if 1.0 / MOST_OFF < ratio < MOST_OFF and abs(np.log(ratio)) > SAME else 1.0
@@ -69,7 +71,7 @@ def _of_owners(several: NDArray[np.bool_], owner: IntArray) -> NDArray[np.bool_]
 
 
 def occurrence(nodes: Nodes) -> IntArray:
-    """How many earlier entries stand on the same node; entries are in order of time. (k,)"""
+    """The number of earlier entries at the same node; entries are in order of time. (k,)"""
     code = 4 * nodes.position + nodes.side
     first = np.searchsorted(code, code, side="left")
     return np.arange(len(code)) - first
@@ -126,7 +128,9 @@ class _Weights:
 
 
 def _shares(nodes: Nodes, n: int, alignment: Alignment | None = None) -> FloatArray:
-    """Where in the motion of n steps each node lies, from 0 to 1; with an alignment, one of the old motion. (k,)"""
+    """The place of each node in the motion of n steps, from 0 to 1; with an alignment, its place in the old motion.
+    (k,)
+    """
     frame = 0.5 * nodes.position
     frame = frame if alignment is None else alignment.to_new(frame)
     aside = np.where(nodes.side == BEFORE, -APART, np.where(nodes.side == AFTER, APART, 0.0))
@@ -135,7 +139,8 @@ def _shares(nodes: Nodes, n: int, alignment: Alignment | None = None) -> FloatAr
 
 @dataclass(frozen=True, slots=True)
 class _Strand:
-    """One row of a statement along the earlier motion: where its multipliers are among all, and in the new motion.
+    """One row of a statement along the earlier motion: the positions of its multipliers, and their places in the new
+    motion.
 
     ``place`` (k,) and ``share`` (k,), from 0 to 1; ``key`` is equal where the shares are.
     """
@@ -147,18 +152,18 @@ class _Strand:
 
 @dataclass(frozen=True, slots=True)
 class _Way:
-    """How multipliers of one motion are made from those of another, whatever the numbers.
+    """The computation of multipliers of one motion from those of another, for any numbers.
 
     Attributes:
-        known_by: what it depends on but the bounds.
-        bounds: of the program that is to be started.
-        old: time that the old multipliers stand for, all of them.
-        new: the same of those found by density.
-        dense: which those are, of the entries below.
-        target: where each entry goes, rows and then bounds.
-        left, right: between which old multipliers it is; those per unit of time are behind all others.
-        part: how far it is from one to the other.
-        beside: whether it is where the one at the right is.
+        known_by: all its inputs except the bounds.
+        bounds: bounds of the program to start.
+        old: time of each of the old multipliers.
+        new: time of each new multiplier computed by density.
+        dense: indices of those, among the entries below.
+        target: index of each entry, rows and then bounds.
+        left, right: the old multipliers on either side; those per unit of time follow all others.
+        part: its position between the two.
+        beside: whether it is at the right one.
         size: numbers of rows and bounds.
     """
 
@@ -177,7 +182,7 @@ class _Way:
     def follow(self, values: FloatArray, old_lengths: FloatArray, new_lengths: FloatArray) -> FloatArray:
         """Linear between the old multipliers (k,), where dense those per unit of time; 0 where there are none.
 
-        They are 0 beside a node without a multiplier: what holds on one frame holds there alone.
+        They are 0 beside a node without a multiplier: a multiplier of a single frame belongs to that frame.
         """
         both = np.concatenate([values, values / self.old(old_lengths)])
         after, before = both[self.right], both[self.left]
@@ -193,7 +198,7 @@ class _Way:
 def _way_of(
     solution: Solution, transcription: Transcription, bound: BoundProgram, alignment: Alignment
 ) -> _Way:
-    """The way from a solution to a program; for programs that are kept, the last ways are known."""
+    """The computation for a solution and a program; the last ones are cached."""
     nodes = [(b.kind, b.label, b.nodes.tobytes(), b.sides.tobytes()) for b in solution.multipliers]
     known_by = solution.n, alignment.old.tobytes(), alignment.new.tobytes(), *nodes
     ways: list[_Way] = transcription.remembered("ways of multipliers", lambda _: [])
@@ -247,7 +252,7 @@ class _Before:
     Attributes:
         strands: by statement, one for every row that it has on a node.
         weights: time that the multipliers of all blocks stand for.
-        count: how many these are.
+        count: the number of these.
     """
 
     def __init__(self, alignment: Alignment, n: int, solution: Solution) -> None:
@@ -289,7 +294,7 @@ class _Before:
 
 
 class _After:
-    """What multipliers of the new motion are made from; between which they are is found once for all that stand alike.
+    """The computation of multipliers of the new motion; neighbours are found once for all statements on the same nodes.
 
     Attributes:
         weights: time that those found by density stand for.
@@ -322,7 +327,9 @@ class _After:
             self.weights.append(weights if density.all() else weights.among(density))
 
     def joined(self) -> tuple[IntArray, IntArray, IntArray, FloatArray, NDArray[np.bool_], IntArray]:
-        """Targets, places before and after, how far between them, whether at the end; which are found by density."""
+        """Targets, places before and after, the fraction between them, whether at the end; which are found by
+        density.
+        """
         target, left, right, part, beside, density = (
             np.concatenate([entry[k] for entry in self._entries]) for k in range(6)
         )
@@ -331,7 +338,7 @@ class _After:
     def _between(
         self, strand: _Strand, nodes: Nodes, key: bytes
     ) -> tuple[IntArray, IntArray, FloatArray, NDArray[np.bool_]]:
-        """Places before and after each node, how far it is from one to the other, and whether it is at the end."""
+        """The neighbours before and after each node, its position between them, and whether it is at the end."""
         both = strand.key, key
         if both not in self._known:
             own, share = _shares(nodes, self._n), strand.share

@@ -1,10 +1,10 @@
-"""How the transcriptions tie unit quaternions to angular velocities, without leaving the unit sphere.
+"""The relations between unit quaternions and angular velocities in each transcription.
 
-An orientation q, a unit quaternion (w, x, y, z), changes with the angular velocity w in the turned frame by
-q' = q (0, w) / 2.  Writing this for the four components and demanding a unit norm as well would be one row too many
-in each step.  So the norm is a row at every node, and of the method's own link of q' only the three components along
-the sphere are rows: those of the vector part of conj(r) times the link, where r is an orientation within the step.
-The fourth component, along r, is what the norm fixes better.  ::
+The rate of an orientation q, a unit quaternion (w, x, y, z), with the angular velocity w in the rotated frame is
+q' = q (0, w) / 2.  Four components of this equation and a unit norm would be one equation too many in each step.
+Therefore the norm is constrained at every node, and only three components of the method's link of q' are used: those
+tangential to the unit sphere, the vector part of conj(r) times the link, where r is an orientation within the step.
+The fourth component, along r, is determined by the norm.  ::
 
     stepping         vec(conj(q0) q1) = h/2 w1
     trapezoidal      vec(conj(q0) q1) = h/4 (w0 + w1)
@@ -12,9 +12,10 @@ The fourth component, along r, is what the norm fixes better.  ::
                      vec(conj(qm) (qm - (q0 + q1)/2 - h/8 (q0' - q1'))) = 0
     central          w = 2 vec(conj(q) q'),  w' = 2 vec(conj(q) q'')
 
-A motion of class C^5 leaves the full link with a residual of the method's own order, and its projections no more, so
-that each method keeps its order (one, two, four and two).  With ``central`` an angular velocity is a function of the
-orientations around its frame, as velocities are of positions; its derivatives follow, since vec(conj(q') q') = 0.
+For a motion of class C^5 the residual of the full link has the method's own order.  The residual of its projections is
+not larger, so that each method keeps its order (one, two, four and two).  With ``central`` an angular velocity is a
+function of the orientations around its frame, as velocities are of positions; its derivatives follow, since
+vec(conj(q') q') = 0.
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ HALF = Fraction(1, 2)
 
 
 def norm_row(rotation: Rotation) -> Expr:
-    """What is 0 where a quaternion is of unit length."""
+    """An expression that is 0 for a quaternion of unit length."""
     return sum_of([c * c for c in _quaternion(rotation)]) - ONE
 
 
 def rotation_links(method: str, rotation: Rotation, h: Expr) -> list[Expr]:
-    """The rows (= 0) that tie an orientation to its angular velocity over a step of length h.
+    """The equations (= 0) between an orientation and its angular velocity over a step of length h.
 
     They stand where those of :func:`stc.transcription.schemes.links` do: for hermite-simpson on the step's midpoint,
     else on the frame before it.
@@ -88,7 +89,7 @@ def without_angular_accelerations(body: Expr, rotations: Sequence[Rotation]) -> 
 
 
 def _rates_of_orientation(rotation: Rotation) -> list[Expr]:
-    """2 vec(conj(q) q') with the quaternion's derivatives as such."""
+    """2 vec(conj(q) q') with the derivatives of the quaternion's components."""
     rates = [sym(VariableRef(name, 1)) for name in rotation.quaternion]
     return [2.0 * c for c in _from(_quaternion(rotation), rates)[1:]]
 
@@ -102,5 +103,5 @@ def _velocity(rotation: Rotation, shift: Fraction | int = 0) -> list[Expr]:
 
 
 def _from(a: Sequence[Expr], b: Sequence[Expr]) -> list[Expr]:
-    """conj(a) b: the turn from orientation a to b, as seen from a."""
+    """conj(a) b: the rotation from orientation a to b, relative to a."""
     return quaternion_product([a[0], *(neg(c) for c in a[1:])], b)

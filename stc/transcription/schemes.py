@@ -9,7 +9,7 @@ Central differences replace a derivative by the derivative of the polynomial thr
                      x[m] = (x[i] + x[i+1])/2 + h/8 (x'[i] - x'[i+1])
     stepping         x[i+1] - x[i] = h x'[i+1]
 
-The last is the implicit rule of Euler, of first order.  What holds at the end of a step decides about the step: an
+The last is the implicit rule of Euler, of first order.  The right end of a step determines the rule of the step: an
 impact within one is a large force in it, and momentum is balanced without asking when the impact was (Stewart and
 Trinkle 1996; as a transcription Posa, Cantu and Tedrake 2014).
 """
@@ -32,7 +32,7 @@ HALF = Fraction(1, 2)
 
 
 def stencil_reach(order: int) -> int:
-    """Frames that the shortest symmetric second-order stencil of a derivative needs on either side."""
+    """The frames that the shortest symmetric second-order stencil of a derivative needs on either side."""
     return (order + 1) // 2
 
 
@@ -92,7 +92,7 @@ def difference(ref: VariableRef, offsets: Sequence[int], steps: Sequence[Expr]) 
 
 
 def links(method: str, name: str, order: int, h: Expr) -> list[Expr]:
-    """The rows (= 0) that tie derivative ``order`` of a variable to the next one over a step of length h.
+    """The equations (= 0) between derivative ``order`` of a variable and the next one over a step of length h.
 
     They stand on the step's node: for hermite-simpson its midpoint, else the frame before the step.
     """
@@ -112,7 +112,7 @@ def links(method: str, name: str, order: int, h: Expr) -> list[Expr]:
 
 
 def link_nodes(grid: Grid) -> Nodes:
-    """Where the links stand: one node for every step. (n,)"""
+    """The nodes of the links: one for every step. (n,)"""
     steps = np.arange(grid.n)
     if grid.has_midpoints:
         return Nodes(2 * steps + 1, np.zeros(grid.n, np.int64))
@@ -124,7 +124,7 @@ def _at(name: str, order: int, shift: Fraction) -> Expr:
 
 
 def sum_weights(nodes: Nodes, first: int, last: int) -> NDArray[np.float64]:
-    """How often a plain objective term on frames first..last counts at each of its nodes. (k,)
+    """The weight of a plain objective term on frames first..last at each of its nodes. (k,)
 
     It is (e[first] + e[last])/2 and for each step what its quadrature gives: (e[i] + 4 e[mid] + e[i+1])/6 where the
     nodes hold the step's midpoint, else (e[i] + e[i+1])/2.  Without midpoints every frame counts once, the two sides

@@ -1,8 +1,8 @@
-"""The guess of a model's motion brought to where its feet stand, and whatever else of it is held.
+"""Inverse kinematics for the guess of a model's motion: standing feet and other held constraints.
 
-The way between poses moves the whole robot, its feet too.  At every frame and midpoint the least motion of the joints
-is looked for that brings what is held there to its place (inverse kinematics by damped least squares, Wampler 1986).
-A coordinate that nothing holds for a while goes over from the one correction to the next.
+Interpolation between poses moves the whole robot, including its feet.  At every frame and midpoint, the least motion
+of the joints is computed that moves the held constraints to their places (inverse kinematics by damped least squares,
+Wampler 1986).  The correction of a coordinate without constraints changes gradually from one correction to the next.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ REACHED = 1e-6
 
 @dataclass(slots=True)
 class _Freedom:
-    """One velocity and what it changes: a variable, or an axis of an orientation."""
+    """One velocity component: a variable, or an axis of an orientation."""
 
     rate: VariableRef
     quaternion: tuple[str, ...] = ()
@@ -40,11 +40,11 @@ class _Freedom:
 
 
 class Settling:
-    """The paths of all coordinates, and the motion of each that brings what is held to its place.
+    """The paths of all coordinates, and their corrections.
 
     Args:
-        problem: whose fixtures are looked at.
-        paths: by variable, at the places ``at``; they are changed.
+        problem: the problem with the fixtures.
+        paths: values by variable at ``at``; they are changed.
         at: frames and midpoints. (k,)
         known: values of constants and parameters, and the time at each place.
     """
@@ -79,7 +79,7 @@ class Settling:
         return all(isinstance(key, kinds) for e in (*fixture.places, *fixture.rates) for key in symbols(e))
 
     def run(self) -> None:
-        """Move the paths."""
+        """Apply the corrections to the paths."""
         before = dict(self.paths)
         for _ in range(STEPS):
             off, rates = self._held()
@@ -97,7 +97,7 @@ class Settling:
         self._move(corrections)
 
     def _held(self) -> tuple[FloatArray, FloatArray]:
-        """How far what is held is off, (m, k), and how that changes by each freedom, (m, f, k)."""
+        """The residuals of held constraints, (m, k), and their derivatives by each freedom, (m, f, k)."""
         size, count = len(self.at), len(self.freedoms)
         moving: dict[object, object] = {
             one.rate: np.eye(count)[row][:, None] for row, one in enumerate(self.freedoms)
@@ -124,14 +124,14 @@ class Settling:
         return np.array([np.broadcast_to(np.asarray(e, float), shape) for e in found])
 
     def _step(self, off: FloatArray, rates: FloatArray) -> FloatArray:
-        """The least motion that undoes what is off to first order, freedoms counted by their ease. (f, k)"""
+        """The least correction of the residuals to first order, with weights of the freedoms. (f, k)"""
         jacobian = (rates * self.ease[:, None]).transpose(2, 0, 1)  # (k, m, f)
         square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(len(off))
         pulls = np.linalg.solve(square, off.T[:, :, None])  # (k, m, 1)
         return -self.ease[:, None] * (jacobian.transpose(0, 2, 1) @ pulls)[:, :, 0].T
 
     def _moved(self, freedom: _Freedom, before: Mapping[str, FloatArray]) -> FloatArray:
-        """How far a freedom has moved. (k,)"""
+        """The correction of a freedom so far. (k,)"""
         if not freedom.quaternion:
             return self.paths[freedom.rate.name] - before[freedom.rate.name]
         old, new = (np.array([paths[name] for name in freedom.quaternion]) for paths in (before, self.paths))

@@ -1,7 +1,7 @@
-"""A problem stated on its frames: unknowns, rows, bounds and objective as expressions, before anything is derived.
+"""A problem on its frames: unknowns, rows, bounds and objective as expressions, before derivation.
 
-That is all it takes to read a decision vector, to evaluate what a spec states there, and to tell to which statement a
-multiplier belongs.  Derivatives and kernels come on top of it in :mod:`stc.transcription.transcription`.
+This is sufficient to read a decision vector, to evaluate statements at it, and to find the statement of a multiplier.
+Derivatives and kernels come on top of it in :mod:`stc.transcription.transcription`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(slots=True)
 class Stated:
-    """What a problem's text and structural constants state on the frames of its motion."""
+    """The statements of a problem on the frames of its motion, from its text and structural constants."""
 
     problem: Problem
     grid: Grid
@@ -40,20 +40,20 @@ class Stated:
     _remembered: dict[str, Any] = field(default_factory=dict, repr=False, kw_only=True)
 
     def remembered(self, name: str, find: Callable[[Any], Any]) -> Any:
-        """What ``find`` returns for this statement, called once."""
+        """The result of ``find`` for this statement, cached."""
         if name not in self._remembered:
             self._remembered[name] = find(self)
         return self._remembered[name]
 
     @property
     def groups(self) -> list[Group]:
-        """The rows and summands by the nodes that they stand on; rows are numbered as the solver orders them."""
+        """The rows and summands by their nodes; rows are numbered in the solver's order."""
         found: list[Group] = self.remembered("groups", _numbered_groups)
         return found
 
     @property
     def row_count(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return sum(len(row.nodes) for row in self.statements.rows)
 
     def recovery(self, x: FloatArray, constants: Mapping[str, float] | None = None) -> Recovery:
@@ -76,7 +76,7 @@ def _numbered_groups(stated: Stated) -> list[Group]:
 
 
 def state(problem: Problem) -> Stated:
-    """States a problem on its frames.
+    """State a problem on its frames.
 
     Raises:
         SpecError: a statement holds on no frame, or a step's form is not supported.

@@ -1,7 +1,7 @@
-"""Sorts the relations of a problem, once lowered, into bounds, rows and contradictions, and weighs the objective.
+"""Sort the lowered relations of a problem into bounds, rows and contradictions, and weight the objective.
 
-What comes out is still symbolic: expressions of decision variables, constants and node data, with the nodes
-they stand on.  Numbers enter in :mod:`stc.transcription.assemble`.
+The result is still symbolic: expressions of decision variables, constants and node data, with their nodes.  Numbers
+enter in :mod:`stc.transcription.assemble`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LINK = -1
 
 @dataclass(slots=True)
 class Row:
-    """``lower <= body <= upper`` at every node; None is no bound.  ``relation`` indexes Problem.relations.
+    """``lower <= body <= upper`` at every node; None means no bound.  ``relation`` indexes Problem.relations.
 
     ``also`` lists what other relations state the very same row: pairs of relation and node.
     """
@@ -51,7 +51,7 @@ class Row:
 class Bound:
     """``lower <= coefficient*unknown + rest <= upper``: a bound on one decision variable.
 
-    ``unknown`` is None where nothing unknown is left: then the relation either holds or contradicts itself.
+    ``unknown`` is None if the relation contains no decision variable; it is then either true or a contradiction.
     """
 
     unknown: VariableRef | ParameterRef | None
@@ -121,7 +121,7 @@ class Sorter:
         self.mistakes: list[Diagnostic] = []
 
     def run(self) -> Statements:
-        """Everything the problem states, lowered.
+        """All statements of the problem, lowered.
 
         Raises:
             SpecError: a statement is left without any frame to hold on.
@@ -156,7 +156,7 @@ class Sorter:
                             self._add_row(body, ZERO, ZERO, where, LINK, f"link of {name}{chr(39) * order}")
 
     def _rotations(self) -> None:
-        """Unit norms at all nodes, and the ties between orientations and angular velocities."""
+        """Unit norms at all nodes, and the relations between orientations and angular velocities."""
         everywhere = self.grid.nodes(FrameRange(0, self.grid.n))
         for rotation in self.problem.rotations:
             of = f"{rotation.quaternion[0]} to {rotation.quaternion[3]}"
@@ -187,7 +187,7 @@ class Sorter:
                     "error",
                     "this statement holds on no frame: its derivatives or indices reach outside the motion",
                     relation.span,
-                    "give it a range farther from the ends, or raise n",
+                    "use a range farther from the ends, or a larger n",
                 )
             )
         for body, nodes in parts:
@@ -210,7 +210,7 @@ class Sorter:
         return None if e is None else self.lowering.with_data(e)
 
     def _split(self, number: int, body: Expr, lower: Expr | None, upper: Expr | None, nodes: Nodes) -> None:
-        """A relation in one unknown, linear in it, is a bound; any other is a row."""
+        """Make a relation that is linear in a single unknown a bound, and any other a row."""
         found = unknowns(body)
         if len(found) > 1:
             self._add_row(body, lower, upper, nodes, number)
@@ -251,7 +251,7 @@ class Sorter:
             self.rows[key] = Row(body, lower, upper, together, owner, row.label, row.also)
 
     def _distinct(self, row: Row) -> Row:
-        """Drops nodes at which the very same row stands already: the other side of a jump, absolute indices."""
+        """Drop nodes that already have the same row: the other side of a jump, absolute indices."""
         keys = [k for e in (row.body, row.lower, row.upper) if e is not None for k in symbols(e)]
         fixed = not any(isinstance(k, DataRef) or (isinstance(k, VariableRef) and k.scale != 0) for k in keys)
         position = row.nodes.position
@@ -283,7 +283,7 @@ class Sorter:
         self.summands += [Summand(body, nodes, number) for body, nodes in rows.lowered(term.body)]
 
     def measured(self, term: ObjectiveTerm) -> Measured:
-        """What tells what expressions mean on the rows of a term's data set; its numbers become tables here.
+        """The meaning of expressions on the rows of a term's data set; its numbers become tables here.
 
         Raises:
             SpecError: a row lies outside the motion, or its place among the frames is not known beforehand.
@@ -359,7 +359,7 @@ class Sorter:
         self.summands.append(Summand(sum_of(weights) * body, where[subset], number))
 
     def _without_lost_midpoints(self, nodes: Nodes, parts: Sequence[tuple[Expr, Nodes]]) -> Nodes:
-        """The nodes but for midpoints at which a term is not: its steps there count at their frames alone."""
+        """The nodes without midpoints at which a term is undefined: it counts at the frames of these steps only."""
         if not self.grid.has_midpoints:
             return nodes
         held = np.concatenate([node_codes(where) for _, where in parts])
@@ -367,7 +367,7 @@ class Sorter:
 
     @staticmethod
     def _standing_in(code: IntArray, held: IntArray) -> IntArray:
-        """For every node itself where it is held, else the nearest frame that is. (len(code),)"""
+        """For every node itself if it is defined, else the nearest frame that is. (len(code),)"""
         frames = np.flatnonzero(held % 8 < 4)
         right = np.clip(np.searchsorted(held[frames], code), 0, len(frames) - 1)
         left = np.clip(right - 1, 0, len(frames) - 1)
@@ -386,13 +386,13 @@ class Sorter:
                 "error",
                 "this objective term counts on no frame: its derivatives reach outside the motion",
                 term.span,
-                "give it a range farther from the ends, or raise n",
+                "use a range farther from the ends, or a larger n",
             )
         )
 
 
 def node_codes(nodes: Nodes) -> IntArray:
-    """Numbers that order nodes as they follow each other, one for each. (k,)"""
+    """Numbers that order nodes in time, one for each. (k,)"""
     return 4 * nodes.position + nodes.side
 
 

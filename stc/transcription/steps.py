@@ -34,7 +34,7 @@ class Steps:
     Attributes:
         basis: the expressions ``phi`` of constants and parameters.
         parameters: those in the basis, each once.
-        support: (len(basis), n) bool, which steps have which basis function; known before any number is.
+        support: (len(basis), n) bool, the basis functions of each step; it does not depend on the values of constants.
     """
 
     def __init__(self, problem: Problem, grid: Grid, expand: Expand) -> None:
@@ -114,7 +114,7 @@ class Steps:
     def implied(
         self, coefficients: FloatArray, constants: Mapping[object, float]
     ) -> dict[str, tuple[float, float]]:
-        """Between which values parameters have to be for those steps to be positive that are linear in one alone.
+        """Bounds on parameters that make those steps positive that are linear in a single parameter.
 
         Args:
             coefficients: (len(basis), n), see :meth:`coefficients`.
@@ -140,7 +140,7 @@ class Steps:
         return ranges
 
     def elapsed(self, coefficients: FloatArray, nodes: Nodes) -> FloatArray:
-        """How much of each basis function has passed at each node (len(basis), k): time = phi @ elapsed."""
+        """The elapsed amount of each basis function at each node (len(basis), k): time = phi @ elapsed."""
         total = np.concatenate([np.zeros((len(self.basis), 1)), np.cumsum(coefficients, axis=1)], axis=1)
         at = total[:, nodes.frame]
         middle = nodes.is_midpoint

@@ -1,4 +1,4 @@
-"""A problem transcribed: structure once, numbers as often as constants change."""
+"""A transcribed problem: its structure is computed once, its numbers for each set of constants."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ FloatArray = NDArray[np.float64]
 
 
 LARGEST_KEPT = 3_000_000
-"""Variables and rows of the largest program that is kept for the case that its numbers are bound again."""
+"""Largest number of variables and rows of a program that is kept to be bound to other numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Known:
-    """The program that was bound last.
+    """The last bound program.
 
     Attributes:
         key: thread and constants.
         x0: where it starts, (n,).
-        usable: whether that is the spec's own guess, and one where every function is defined.
+        usable: whether that is the spec's own guess, and every function is defined there.
     """
 
     key: tuple[int, tuple[tuple[str, float], ...]]
@@ -69,14 +69,14 @@ class Transcription(Stated):
 
     @property
     def groups(self) -> list[Group]:
-        """The rows and summands by the nodes that they stand on, with what they are derived to."""
+        """The rows and summands by their nodes, with their derivatives."""
         return self.program.groups
 
     def compile(self, backend: Backend = "auto", cache: bool = True, at_once: bool = True) -> None:
-        """Compiles the kernels, or takes them from the object cache.
+        """Compile the kernels, or load them from the object cache.
 
         Args:
-            at_once: else they are interpreted until so much has been evaluated that compiling them had been worth it.
+            at_once: whether to compile now; otherwise they are interpreted until compiling would have paid off.
         """
         look()
         begin = time.perf_counter()
@@ -86,7 +86,7 @@ class Transcription(Stated):
         self._bound = None
 
     def provide_kernels(self, at_once: bool) -> None:
-        """Does so if that has not been done; compiles what is interpreted if that is wanted ``at_once``."""
+        """Compile the kernels if that has not been done; also interpreted ones if ``at_once``."""
         if self.kernels is None:
             self.compile(at_once=at_once)
         elif at_once:
@@ -106,8 +106,8 @@ class Transcription(Stated):
         Args:
             constants: values for all constants; none of the structural ones may differ from the problem's.
             start: (layout.size,) decision vector to start from instead of the guess; moved inside the bounds.
-            guess: values from outside that the guess takes over.
-            check: whether the starting point has to be one where every function is defined.
+            guess: values given by the caller that replace the guess.
+            check: whether every function must be defined at the starting point.
 
         Raises:
             SpecError: a step is not positive at the starting point.
@@ -203,7 +203,7 @@ class Transcription(Stated):
     def backward_step(
         self, x: FloatArray, constants: Mapping[str, float] | None = None
     ) -> tuple[int, float] | None:
-        """The first step that is not positive at a point (layout.size,), and its length; None where all are.
+        """The first step that is not positive at a point (layout.size,), and its length; None if all are positive.
 
         Only steps that depend on parameters are asked for.
         """
@@ -214,7 +214,7 @@ class Transcription(Stated):
         return (int(wrong[0]), float(lengths[wrong[0]])) if wrong.size else None
 
     def _check_steps(self, bounds: Bounds) -> None:
-        """Refuse statements that no positive steps can meet.
+        """Refuse statements that no positive steps can satisfy.
 
         Raises:
             SpecError: with the statement.
@@ -294,7 +294,7 @@ class Transcription(Stated):
 
 @without_collection()
 def transcribe(problem: Problem) -> Transcription:
-    """Transcribes a problem into a nonlinear program's structure.
+    """Transcribe a problem into the structure of a nonlinear program.
 
     Raises:
         SpecError: a statement holds on no frame, or a step's form is not supported.

@@ -1,4 +1,4 @@
-"""Orientations as numbers: the turns between them as vectors, and orientations turned by these."""
+"""Orientations as numbers: rotations between them as vectors, and orientations rotated by these."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CONJUGATE = np.array([[1.0], [-1.0], [-1.0], [-1.0]])
 
 
 def turns_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """The shortest turns from orientations to others, as seen from the first.
+    """The shortest rotations from orientations to others, relative to the first.
 
     Args:
         a, b: quaternions, real part first. (4, k)
@@ -33,7 +33,7 @@ def turns_between(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def turned(q: FloatArray, vector: FloatArray) -> FloatArray:
-    """Orientations (4, k) turned by angles times axes (3, k), in their own frames; of unit length."""
+    """Orientations (4, k) rotated by angles times axes (3, k), in their own frames; of unit length."""
     half = 0.5 * np.linalg.norm(vector, axis=0)
     real, share = np.cos(half), 0.5 * np.sinc(half / np.pi)
     found = _product(q, np.array([real, *(share * vector)]))

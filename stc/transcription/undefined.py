@@ -1,4 +1,4 @@
-"""Why an expression has no value whatever the unknowns are: what its constants do alone."""
+"""Why an expression is undefined whatever the unknowns are, because of its constants."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["constant_fault"]
 
 
 def constant_fault(body: Expr, constants: Mapping[object, float]) -> tuple[str, dict[str, float]]:
-    """What is wrong with the constants of an expression, in words, and those that are to blame by name.
+    """The fault in the constants of an expression, in words, and their names.
 
     Args:
         body: the expression.
@@ -31,7 +31,7 @@ def constant_fault(body: Expr, constants: Mapping[object, float]) -> tuple[str, 
         if np.isfinite(value):
             continue
         if node.op in ("sym", "num"):
-            return "`inf` is no number; as a bound it means that there is none", _named(node, constants)
+            return "`inf` is not a number; as a bound it means that there is none", _named(node, constants)
         if np.isinf(value):
             return "its constants give more than the largest number, 1.797e308", _named(node, constants)
         return "a part that is made of constants alone is no real number", _named(node, constants)

@@ -1,6 +1,6 @@
-"""What of a program's numbers is to leave its kernels: all of them, or those of a part; and where each goes.
+"""The numbers of a program that leave its kernels, all of them or those of a part, and their targets.
 
-That is the same whatever the scaling, of which a solve has several, so it is found once for all of them.
+This does not depend on the scaling, of which a solve has several, so it is computed once.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ Known = TypeVar("Known")
 
 @dataclass(slots=True)
 class Wanted:
-    """What is wanted of a program.
+    """The requested numbers of a program.
 
     Attributes:
-        row_source: as in :class:`Program`, of the rows that are wanted.
-        gradient, jacobian, hessian: the entries that are wanted, at their own places.
-        part: which those are; None for all.
+        row_source: as in :class:`Program`, for the requested rows.
+        gradient, jacobian, hessian: the requested entries, at their own places.
+        part: the part; None for all.
     """
 
     row_source: Places
@@ -41,7 +41,7 @@ class Wanted:
 
     @classmethod
     def of(cls, program: Program, part: Part | None) -> Wanted:
-        """All that a program has, or a part of it."""
+        """All numbers of a program, or those of a part."""
         gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
         if part is None:
             return cls(program.row_source, gradient, jacobian, hessian, None)
@@ -65,22 +65,22 @@ class Wanted:
         return found
 
     def others(self, size: int) -> Places:
-        """The variables, of so many, that are not in the part."""
+        """The variables, out of the given number, that are not in the part."""
         assert self.part is not None
         cols = self.part.cols
         return self._once("others", lambda: _without(size, cols))
 
     def spread(self, places: Places, piece: slice) -> Copying:
-        """How numbers go to a piece of these places, of which there are few kinds."""
+        """The copies of numbers to a contiguous piece of targets."""
         key = "spread", id(places), piece.start, piece.stop
         return self._once(key, lambda: Copying.to(places[piece]))
 
     def rows(self, piece: slice) -> Copying:
-        """How a piece of the rows leaves the values' buffer."""
+        """The copies of a piece of the rows from the values' buffer."""
         return self._once(("rows", piece.start, piece.stop), lambda: Copying.of(self.row_source[piece]))
 
     def outputs(self, begin: int, end: int) -> list[tuple[int, slice, Copying]]:
-        """How what is at these places of the derivatives' buffer leaves it: of which matrix, which entries, how."""
+        """The copies at these positions of the derivatives' buffer: matrices, entries, copies."""
         return self._once(("outputs", begin, end), lambda: list(self._outputs(begin, end)))
 
     def _outputs(self, begin: int, end: int) -> Iterator[tuple[int, slice, Copying]]:
@@ -94,7 +94,7 @@ class Wanted:
                 yield number, at, Copying.of(matrix.first[at], into)
 
     def folded(self, number: int) -> tuple[Places, Copying]:
-        """Which entries of a matrix leave it again when outputs have been added up, and how."""
+        """The entries of a matrix that are copied again after summation, and their copies."""
         return self._once(("folded", number), lambda: self._folded(number))
 
     def _folded(self, number: int) -> tuple[Places, Copying]:
@@ -103,7 +103,7 @@ class Wanted:
         return at, Copying.of(matrix.first[at], self._targets(number, at))
 
     def _targets(self, number: int, entries: Places) -> Places:
-        """Where entries of a matrix go: a gradient has all variables, also those by which it is zero."""
+        """The targets of entries of a matrix: a gradient has all variables, including those with a zero derivative."""
         return entries if number else self.gradient.cols[entries]
 
 

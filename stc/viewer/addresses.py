@@ -1,4 +1,4 @@
-"""Where a motion may be shown: whether an address is this machine's own, and can be listened on."""
+"""Addresses for the viewer's web page: whether one is local, and can be listened on."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ LOOPBACK = "127.0.0.1"
 
 
 class DisplayError(StcError):
-    """There is nothing to open a window on, or nothing to open it with."""
+    """There is no display for a window, or no library to open one."""
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address is this machine's own, which no other reaches."""
+    """Whether an address is a loopback address, which other machines cannot reach."""
     if host == "localhost":
         return True
     try:
@@ -25,10 +25,10 @@ def is_loopback(host: str) -> bool:
 
 
 def require_address(host: str, port: int) -> None:
-    """Make sure that an address can be listened on.
+    """Check that an address can be listened on.
 
     Raises:
-        UsageError: it is none of this machine's, or the port is taken.
+        UsageError: it does not belong to this machine, or the port is in use.
     """
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(

@@ -1,4 +1,4 @@
-"""The constants of a spec as something to turn: names, values, ranges, and what the spec says about them."""
+"""The adjustable constants of a spec: names, values, ranges, and comments."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A constant that the watcher may change.
+    """A constant that the user may change.
 
     Attributes:
         name: as the spec has it.
         value: that of the motion that is shown.
         low, high: range of its slider; any number may be typed in.
         note: the comment on its line, where there is one.
-        structural: whether frames and ranges depend on it: changing it derives the program anew, which takes
+        structural: whether frames and ranges depend on it: after a change the program is derived again, which takes
             longer.
     """
 
@@ -56,7 +56,7 @@ def constants_of(model: Model, solution: Solution) -> list[Constant]:
 
 
 def slider_range(value: float) -> tuple[float, float]:
-    """A range around a value: from zero to its double, or -1 to 1 where it is zero."""
+    """A range around a value: from zero to twice the value, or -1 to 1 if it is zero."""
     if value == 0.0:
         return -1.0, 1.0
     return min(0.0, 2.0 * value), max(0.0, 2.0 * value)
@@ -81,7 +81,7 @@ def _is_number(declaration: Declaration) -> bool:
 
 
 def _note(text: str, end: int) -> str:
-    """The comment behind the character ``end`` on its line; none where another declaration comes first."""
+    """The comment after the character ``end`` on its line; empty if another declaration comes first."""
     line = text[end : text.find("\n", end) if "\n" in text[end:] else len(text)]
     before, hash_, comment = line.partition("#")
     return comment.strip() if hash_ and not before.strip(" ,;\t") else ""

@@ -17,13 +17,13 @@ MOST = 1024
 
 
 class Geoms:
-    """Makes geoms of shapes, and keeps those of shapes that are shown again."""
+    """Converts shapes to geoms, and reuses geoms of shapes that are shown again."""
 
     def __init__(self) -> None:
         self._known: dict[int, tuple[Shape, mujoco.MjvGeom]] = {}
 
     def of(self, shapes: Sequence[Shape]) -> list[mujoco.MjvGeom]:
-        """One geom per shape, in order; those beyond :data:`MOST` are left out, the first of them first."""
+        """One geom per shape, in order; only the last :data:`MOST` shapes have one."""
         shown = shapes[max(0, len(shapes) - MOST) :]
         # The shape is kept along with its geom so that its identity cannot pass to another one.
         known = {id(shape): self._known.get(id(shape)) or (shape, make_geom(shape)) for shape in shown}
@@ -55,5 +55,5 @@ def fill_geom(geom: mujoco.MjvGeom, shape: Shape) -> None:
     if shape.kind != "ball":
         mujoco.mjv_connector(geom, kind, shape.width, np.array(shape.start), np.array(shape.end))
     geom.category = int(mujoco.mjtCatBit.mjCAT_DECOR)
-    # What is no body throws no shadow, and is seen in the dark.
+    # What is not a body throws no shadow, and is seen in the dark.
     geom.emission, geom.castshadow = 0.4, 0

@@ -1,14 +1,13 @@
-"""Who the viewer's web page answers, and how much of the machine its visitors may take.
+"""Access control of the viewer's web page, and limits on the resources of its clients.
 
 The page has no password.  What keeps strangers out is the address that it listens on and, since a browser on this
-machine runs pages of other sites as well, two headers that such pages cannot forge: ``Host`` tells under which name a
-browser looked the page up, ``Origin`` whose page asks.  Both are looked at in every request, plain or a websocket's
-handshake (RFC 6454).  A name that is not this machine's means that another site has its name resolved to this machine
-("DNS rebinding"); an origin that is not the page's own means another site's script.
+machine runs pages of other sites as well, two headers that such pages cannot forge: ``Host`` is the name under which a
+browser requested the page, ``Origin`` the page that sent the request.  Both are checked in every request, including a
+websocket's handshake (RFC 6454).  A name that is not this machine's means that another site has its name resolved to
+this machine ("DNS rebinding"); an origin that is not the page's own means another site's script.
 
-Studio's server (MuJoCo 4.0) checks neither, tells browsers that any site may read its answers, and waits for slow or
-silent visitors as long as they like.  It calls :func:`websockets.asyncio.server.serve`; :class:`Guard` is what it is
-given in its place.
+Studio's server (MuJoCo 4.0) checks neither, allows any site to read its answers, and waits for slow or silent visitors
+without a limit.  It calls :func:`websockets.asyncio.server.serve`; :class:`Guard` replaces it.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ class Visitors:
     """The connections of a server, bounded in number.
 
     Attributes:
-        silent: connections that have not asked for anything yet, oldest first.
+        silent: connections without a request so far, oldest first.
         answered: connections whose answer is being sent, oldest first.
         sockets: open websockets.
     """
@@ -88,16 +87,16 @@ class Visitors:
         self.sockets: dict[ServerConnection, None] = {}
 
     def enter(self, connection: ServerConnection) -> None:
-        """Note a new connection."""
+        """Register a new connection."""
         self._add(self.silent, connection, MOST_SILENT)
 
     def answer(self, connection: ServerConnection) -> None:
-        """Note that a connection has asked and is being answered."""
+        """Register that a connection has sent a request and is being answered."""
         self.silent.pop(connection, None)
         self._add(self.answered, connection, MOST_ANSWERED)
 
     def open(self, connection: ServerConnection) -> bool:
-        """Note that a connection becomes a websocket; False if there are too many."""
+        """Register that a connection becomes a websocket; False if there are too many."""
         if len(self.sockets) >= MOST_SOCKETS:
             return False
         self.silent.pop(connection, None)
@@ -105,7 +104,7 @@ class Visitors:
         return True
 
     def leave(self, connection: ServerConnection) -> None:
-        """Forget a connection."""
+        """Remove a connection."""
         for kind in (self.silent, self.answered, self.sockets):
             kind.pop(connection, None)
 
@@ -119,7 +118,7 @@ class Visitors:
 
 
 class _Connection(ServerConnection):
-    """A connection that is given up where the visitor keeps the server waiting."""
+    """A connection that is closed if the client keeps the server waiting."""
 
     visitors: Visitors
 
@@ -148,7 +147,7 @@ class _Connection(ServerConnection):
 
 
 class Guard:
-    """Stands between the network and Studio's server.
+    """A wrapper around Studio's server that checks requests.
 
     Attributes:
         serving: set once a server has been made that is guarded.
@@ -177,7 +176,7 @@ class Guard:
         )
 
     def refusal(self, headers: Headers) -> str | None:
-        """Why a request with these headers gets no answer, as a sentence; None if it gets one."""
+        """Why a request with these headers is refused, as a sentence; None if it is answered."""
         hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
         host = _split(hosts[0]) if len(hosts) == 1 else None
         if host is None or not self.answers_to(host[0]):
@@ -263,7 +262,7 @@ class Guard:
 
 
 def _close_to_others(headers: Headers) -> None:
-    """Have browsers keep an answer from the pages of other sites, and the page out of their frames."""
+    """Add headers that keep pages of other sites from reading an answer or embedding the page."""
     for name in ("Access-Control-Allow-Origin", "Cross-Origin-Resource-Policy"):
         if name in headers:
             del headers[name]

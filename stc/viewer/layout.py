@@ -1,4 +1,4 @@
-"""Where the panel stands in the window, and what it leaves to the motion."""
+"""The place of the panel in the window, and the free part for the motion."""
 
 from __future__ import annotations
 

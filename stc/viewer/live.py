@@ -1,4 +1,4 @@
-"""A solve that is watched: every iterate as a motion, and a way to stop it."""
+"""A solve in progress: every iterate as a motion, and a way to stop it."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class LiveSolve:
         iterate: the newest iterate as a motion; None before the first.
         generation: grows by one with each of them, and with the solution.
         record: the solver's last line of log.
-        solution: what came out; None while it runs, or where it failed to start.
-        error: why there is none.
+        solution: the result; None while it runs, or if it failed to start.
+        error: why there is no result.
     """
 
     def __init__(
@@ -61,17 +61,17 @@ class LiveSolve:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ask the solver to hand over its best iterate; it does at the end of the iteration."""
+        """Ask the solver to return its best iterate at the end of the iteration."""
         self._stop.set()
 
     @property
     def stopping(self) -> bool:
-        """Whether it has been asked to."""
+        """Whether the solver has been asked to stop."""
         return self._stop.is_set()
 
     @property
     def running(self) -> bool:
-        """Whether it still works."""
+        """Whether the solve is still running."""
         return not self._done.is_set()
 
     def wait(self, seconds: float | None = None) -> bool:

@@ -1,4 +1,4 @@
-"""A solved motion ready to be shown: where the model is at any instant, and which forces act."""
+"""A solved motion prepared for display: the state of the model at any instant, and the forces."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Motion:
 
     @property
     def shape_key(self) -> tuple[tuple[str, float], ...]:
-        """What the spec sets in the model that changes how it looks: two motions of one key look alike."""
+        """The fields set by the spec that change the appearance of the model: motions with the same key look alike."""
         seen = {path: value for path, value in self.setup.fields.items() if ".pos." in path}
         return tuple(sorted(seen.items()))
 
@@ -106,14 +106,14 @@ class Motion:
         """The solved paths with a ball at each frame (at every other, third ... one where there are many).
 
         Args:
-            offset: (3,) by how much the ghost, which follows them, is moved, in m.
+            offset: (3,) displacement of the ghost, which follows them, in m.
         """
         if self._paths is None or not np.array_equal(self._paths[0], offset):
             self._paths = (offset, self._solved_paths(offset))
         return self._paths[1]
 
     def found_paths(self, recording: Recording) -> list[Shape]:
-        """The paths as far as MuJoCo has simulated them."""
+        """The simulated part of the paths."""
         known = self._found_paths
         share = recording.share
         if (
@@ -138,7 +138,7 @@ class Motion:
 
         Args:
             instant: seconds.
-            offset: (3,) by how much the ghost, on which they act, is moved, in m.
+            offset: (3,) displacement of the ghost, on which they act, in m.
         """
         import mujoco
 
@@ -197,7 +197,7 @@ class Motion:
         return _ARROW * self.extent
 
     def _place(self, instant: float) -> tuple[int, float]:
-        """The step that holds an instant, and the share of it that has passed."""
+        """The step that contains an instant, and the elapsed share of it."""
         time = self.solution.time
         step = int(np.clip(np.searchsorted(time, instant, side="right") - 1, 0, self.solution.n - 1))
         return step, float(np.clip((instant - time[step]) / (time[step + 1] - time[step]), 0.0, 1.0))
@@ -275,7 +275,9 @@ class Motion:
 
 
 def _places(setup: Setup) -> list[tuple[str, int]]:
-    """What the spec compares or the outermost bodies, and what touches the ground or is pushed."""
+    """The points that the spec compares, or else the outermost bodies, and those that touch the ground or are
+    pushed.
+    """
     found = dict.fromkeys(usual_places(setup))
     forces = setup.all_forces
     for place in forces.wrenches(np.zeros(len(forces))):

@@ -51,7 +51,7 @@ class Eye:
         return Eye(vectors[0], vectors[1], vectors[2], float(slope), width, height)
 
     def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where points (k, 3) lie in the picture.
+        """Pixel coordinates of points (k, 3) in the picture.
 
         Returns:
             (k, 2) pixels from the left and from the top; (k,) pixels per metre at each point, NaN where it lies
@@ -72,8 +72,8 @@ def draw(canvas: Any, vector: Any, eye: Eye, shapes: Sequence[Shape]) -> None:
     Args:
         canvas: a draw list of Dear ImGui.
         vector: Dear ImGui's class of points, ``Vec2``.
-        eye: from where.
-        shapes: what.
+        eye: the camera.
+        shapes: the shapes.
     """
     if not shapes:
         return

@@ -1,6 +1,6 @@
-"""The panel: time, what is shown, the solve that is watched, the constants to turn.
+"""The panel: time, display options, the solve in progress, and the adjustable constants.
 
-It is written for Dear ImGui, whose module it is handed, and does nothing itself: every button acts on the player.
+It is written for Dear ImGui, whose module is passed to it; every button acts on the player.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ class Panel:
     """Builds the panel, frame by frame.
 
     Attributes:
-        note: what the last button did, for the watcher.
+        note: message about the last action.
     """
 
     def __init__(self, player: Player, save: Callable[[], str] | None = None) -> None:
         """Prepare.
 
         Args:
-            player: what the panel acts on.
-            save: saves the motion on show and tells where it went; None leaves the button out.
+            player: the player that the panel controls.
+            save: saves the displayed motion and returns its path; None leaves the button out.
         """
         self._player, self._save = player, save
         self._typed: dict[str, float] = {}

@@ -1,6 +1,6 @@
-"""MuJoCo's passive viewer: the motion without a panel, where Studio is missing.
+"""MuJoCo's passive viewer: the motion without a panel, if Studio is not available.
 
-The keys that the window does not use itself do what the panel does elsewhere; see :data:`KEYS`.
+Keys that the window does not use itself replace the panel; see :data:`KEYS`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ KEYS = (
 
 
 def press(player: Player, key: int) -> None:
-    """Do what a key stands for.
+    """Carry out the action of a key.
 
     Args:
         player: what it acts on.

@@ -1,4 +1,4 @@
-"""MuJoCo's own run of a motion, recorded in the background so that it can be shown while it is still computed."""
+"""MuJoCo's simulation of a motion, recorded in the background and available while it is computed."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ class State:
 
 
 class Recording:
-    """A replay under way, or done.
+    """A replay in progress, or finished.
 
     Attributes:
-        tracked: whether feedback holds it on the solved motion.
-        law: ``LQR`` or ``PD`` for a tracked one, once it is known.
-        error: why there is none; empty while all goes well.
-        broke_at: when the simulation left all bounds, or None.
+        tracked: whether a feedback controller keeps the simulation near the solved motion.
+        law: the controller of a tracked replay, ``LQR`` or ``PD``, once it is known.
+        error: why the replay failed; empty otherwise.
+        broke_at: time at which the simulation diverged, or None.
     """
 
     def __init__(self, setup: Setup, tracked: bool = False, busy: Callable[[], bool] | None = None) -> None:
@@ -83,7 +83,7 @@ class Recording:
         Args:
             setup: the motion and its model.
             tracked: whether feedback is to hold it on the solved motion.
-            busy: tells whether something more urgent runs, which the recording then waits for.
+            busy: function that says whether more urgent work is running, for which the recording waits.
         """
         self.tracked = tracked
         self.law = ""
@@ -99,12 +99,12 @@ class Recording:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Simulate on a thread of its own."""
+        """Simulate in a separate thread."""
         self._thread = threading.Thread(target=self.run, name="replay", daemon=True)
         self._thread.start()
 
     def run(self) -> None:
-        """Simulate here and now."""
+        """Simulate in this thread."""
         try:
             self._record()
         except Exception as error:  # it ends up on the watcher's screen: a thread has nobody else to tell
@@ -117,17 +117,17 @@ class Recording:
         self._stop.set()
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Wait until it has ended; whether it has."""
+        """Wait until it has ended; returns whether it has."""
         return self._done.wait(seconds)
 
     @property
     def done(self) -> bool:
-        """Whether it has ended."""
+        """Whether the simulation has ended."""
         return self._done.is_set()
 
     @property
     def share(self) -> float:
-        """How much of the motion has been simulated, 0 to 1."""
+        """The simulated share of the motion, 0 to 1."""
         times = self._times
         if not times:
             return 0.0
@@ -135,7 +135,7 @@ class Recording:
         return 1.0 if length <= 0.0 else min(1.0, (times[-1] - times[0]) / length)
 
     def at(self, instant: float) -> State | None:
-        """The state nearest to an instant (from below), or None where the simulation has not come yet."""
+        """The last state before an instant, or None if the simulation has not reached it."""
         count = len(self._times)
         k = bisect_right(self._times, instant + 1e-12, 0, count) - 1
         if k < 0:
@@ -145,7 +145,7 @@ class Recording:
         return self._states[k]
 
     def positions(self, instants: FloatArray) -> FloatArray:
-        """(k, nq) positions at some instants; NaN where there are none."""
+        """The simulated joint positions at given times, (k, nq); NaN for times that are not simulated yet."""
         found = np.full((len(instants), self._setup.compiled.nq), np.nan)
         for k, instant in enumerate(instants):
             state = self.at(float(instant))
@@ -158,7 +158,7 @@ class Recording:
         if self.tracked:
             laws = steering(self._setup)[1]
             if not laws:
-                self.error = "no actuator moves one joint: there is nothing to track the motion with"
+                self.error = "the motion cannot be tracked: no actuator moves a single joint"
                 return
             feedback, self.law = laws[0], laws[0].kind
         step = time_step_for(self._setup, limits.TIME_STEP)

@@ -1,6 +1,6 @@
-"""What is to be seen at this moment: the logic behind every window, which knows none of them.
+"""The logic of the viewer, independent of the window.
 
-A window calls :meth:`Player.frame` as often as it draws, shows what it gets, and passes the watcher's wishes on
+A window calls :meth:`Player.frame` for each picture, shows the result, and passes the user's input on
 to :attr:`Player.timeline`, :attr:`Player.options`, :attr:`Player.tweaks` and :attr:`Player.live`.
 """
 
@@ -32,14 +32,14 @@ _LEAP = 0.1
 
 @dataclass(slots=True)
 class Options:
-    """What is shown.
+    """Display options.
 
     Attributes:
         ghost: the solved motion as a translucent copy.
-        aside: by how much the ghost stands aside, in m, along y.
+        aside: distance of the ghost from the body, in m, along y.
         physics: MuJoCo's run of the motion as the opaque body; without it that body is the solved one.
         tracked: with feedback, or open loop.
-        forces: arrows and arcs for what was solved.
+        forces: arrows and arcs for the solved forces.
         contacts: arrows for the forces of MuJoCo's contacts.
         paths: of feet and end effectors, with a ball at each frame.
     """
@@ -55,14 +55,14 @@ class Options:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """A moment.
+    """The content of one picture.
 
     Attributes:
         time: of the motion, in seconds.
         body: the opaque model's state.
         ghost: the ghost's state.
         offset: (3,) of the ghost, in m.
-        shapes: what is drawn besides.
+        shapes: the shapes that are drawn in addition.
         simulated: whether the body is where MuJoCo's physics has it; else it is the solved motion's.
         generation: of the motion; see :attr:`Player.generation`.
     """
@@ -78,19 +78,19 @@ class Frame:
 
 @dataclass(slots=True)
 class Player:
-    """A motion on show.
+    """A displayed motion.
 
     Attributes:
         motion: what is shown.
         scene: the model that shows it.
         timeline: which instant, and how fast.
         options: what of it.
-        tweaks: the session that turns constants; None where the spec is not to be solved again.
-        live: the solve that is watched; None where there is none.
-        beside: folders to look for the model in.
-        generation: grows by one with every motion that is taken over.
-        scene_generation: grows by one with every scene.
-        message: what went wrong with the last motion; empty if nothing did.
+        tweaks: the session that changes constants; None if the spec is not solved again.
+        live: the solve in progress; None if there is none.
+        beside: folders to search for the model.
+        generation: number of the motion, increased with every new one.
+        scene_generation: number of the scene, increased with every new one.
+        message: the error of the last motion; empty if there was none.
     """
 
     motion: Motion
@@ -114,7 +114,7 @@ class Player:
         """A player of a solution.
 
         Args:
-            solution: what is to be shown first.
+            solution: the motion to show first.
             beside: folders to look for its model in, besides the spec's own.
             options: what is shown; by default everything, the ghost aside.
 
@@ -134,23 +134,23 @@ class Player:
 
     @property
     def recording(self) -> Recording | None:
-        """The physics that is shown, open loop or tracked; None while the motion is no solution yet."""
+        """The physics that is shown, open loop or tracked; None while the motion is not a solution yet."""
         return self._recordings.get(self.options.tracked)
 
     @property
     def frame_step(self) -> float:
-        """The mean duration of a step between two frames, in seconds: what a key moves the time by."""
+        """The mean duration of a step between two frames, in seconds: the time step of a key."""
         return self.timeline.duration / max(1, self.solution.n)
 
     @property
     def solving(self) -> bool:
-        """Whether a solve runs, which other work in the background gives way to."""
+        """Whether a solve is running, for which other background work pauses."""
         return (self.live is not None and self.live.running) or (
             self.tweaks is not None and self.tweaks.unsettled
         )
 
     def frame(self, seconds: float = 0.0) -> Frame:
-        """Let ``seconds`` of the watcher's time pass and tell what is to be seen then."""
+        """Advance by ``seconds`` of real time and return the content of the picture."""
         with self._lock:
             self._take_news()
             self._start_physics()
@@ -158,7 +158,7 @@ class Player:
             return self._frame()
 
     def close(self) -> None:
-        """End all that runs in the background; a watched solve hands over its best iterate."""
+        """Stop all background work; a solve in progress returns its best iterate."""
         self._forget_physics()
         if self.tweaks is not None:
             self.tweaks.close()
@@ -184,7 +184,7 @@ class Player:
         return Frame(now, body, ghost, offset, shapes, state is not None, self.generation)
 
     def _take_news(self) -> None:
-        """Take over the newest iterate or the newest motion of the tweaks, where there is one."""
+        """Show the newest iterate, or the newest motion for changed constants, if there is one."""
         live, tweaks = self.live, self.tweaks
         if live is not None and live.generation != self._seen_iterate:
             self._seen_iterate = live.generation
@@ -201,7 +201,7 @@ class Player:
             self.show(tweaks.solution)
 
     def show(self, solution: Solution) -> None:
-        """Show another motion of the same spec; one that cannot be shown leaves the old one and a message."""
+        """Show another motion of the same spec; if it cannot be shown, the old one remains, with a message."""
         with self._lock:
             try:
                 motion = Motion(solution, self.beside)
@@ -219,7 +219,7 @@ class Player:
             self.generation += 1
 
     def _start_physics(self) -> None:
-        """Begin the replay that is to be shown, unless it runs, or the motion on show is only an iterate."""
+        """Start the displayed replay, unless it is running, or the motion is only an iterate."""
         tracked = self.options.tracked
         if tracked in self._recordings or not self.options.physics:
             return

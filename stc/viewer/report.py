@@ -1,4 +1,4 @@
-"""What the windows say about a motion, in words."""
+"""Texts of the windows about a motion."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from stc.viewer.tweaks import TweakSession
 
 
 def summary(player: Player) -> str:
-    """What is on show: name, status, objective."""
+    """The displayed motion: name, status, objective."""
     solution = player.solution
     if player.live is not None and player.live.running:
         state = f"iterate {solution.iterations}"
@@ -19,7 +19,7 @@ def summary(player: Player) -> str:
 
 
 def simulation(player: Player, frame: Frame | None) -> str:
-    """How MuJoCo's run of the motion stands."""
+    """The progress of MuJoCo's simulation."""
     if not player.options.physics:
         return "switched off"
     recording = player.recording
@@ -38,7 +38,7 @@ def simulation(player: Player, frame: Frame | None) -> str:
 
 
 def progress(live: LiveSolve) -> str:
-    """How a watched solve stands."""
+    """The progress of a solve."""
     if live.error is not None:
         return str(live.error)
     if live.solution is not None:
@@ -54,7 +54,7 @@ def progress(live: LiveSolve) -> str:
 
 
 def refusal(tweaks: TweakSession) -> str:
-    """Why the motion on show is not the wanted one."""
+    """Why the displayed motion is not the requested one."""
     solution, outcome = tweaks.solution, tweaks.outcome
     names = [constant.name for constant in tweaks.constants]
     wanted = {name: tweaks.wanted(name) for name in names if name in solution.constants}

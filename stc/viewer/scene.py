@@ -1,7 +1,7 @@
-"""The model that is shown: the spec's own, and a translucent copy of its bodies as the ghost.
+"""The displayed model: the spec's own, and a translucent copy of its bodies as the ghost.
 
 The ghost is part of the model rather than drawn on top of it: viewers that render elsewhere, such as the one in a
-browser, draw meshes only for what the model has.  It touches nothing and weighs on nothing.  The whole ghost hangs
+browser, draw only the meshes of the model.  It touches nothing and weighs on nothing.  The whole ghost hangs
 on one mocap body, by which it can be moved aside.
 """
 
@@ -13,7 +13,6 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.validate.fields import apply_fields
-from stc.validate.model import as_bytes
 from stc.validate.pictures.camera import Framing, frame, usual_camera
 from stc.validate.pictures.motion import solved_at
 from stc.validate.pictures.scenery import furnish, picture_model
@@ -25,11 +24,13 @@ from stc.viewer.shapes import FloatArray
 if TYPE_CHECKING:
     import mujoco
 
+    from stc.validate.setup import Setup
+
 #: Name of the body that carries the ghost, prefix of the names in it, its group of geoms, its colour.
 GHOST, PREFIX, GROUP = "ghost", "ghost/", 5
 _COLOUR = (0.25, 0.55, 1.0, 0.35)
 
-#: Groups of geoms that MuJoCo shows: what is hidden in the model is no part of its ghost.
+#: Groups of geoms that MuJoCo shows: what is hidden in the model is not a part of its ghost.
 _SHOWN = 3
 
 #: The view is from above by at least so many degrees, which parts the ghost from the body, and leaves some room.
@@ -51,7 +52,7 @@ _NOT_FOR_GHOSTS = (
 
 @dataclass(slots=True)
 class View:
-    """Where to look from.
+    """A direction of view.
 
     Attributes:
         framing: the direction, and the room that the motion takes in it.
@@ -112,7 +113,7 @@ class Scene:
             data: of the scene's model.
             body: the opaque model's state; its time becomes that of ``data``.
             ghost: the ghost's state.
-            offset: (3,) by how much the ghost stands aside, in m.
+            offset: (3,) displacement of the ghost, in m.
         """
         body.put(data)
         if self.has_ghost:
@@ -140,15 +141,14 @@ def _doubled(motion: Motion) -> mujoco.MjModel:
     Raises:
         ValueError: the model cannot be doubled.
     """
-    import mujoco
 
     setup = motion.setup
-    spec = mujoco.MjSpec.from_file(as_bytes(setup.path))
+    spec = setup.description()
     for key in list(spec.keys):
         spec.delete(key)  # their positions are too short for the doubled model
     carrier = spec.worldbody.add_body(name=GHOST, mocap=True)
     furnish(spec, setup)
-    spec.attach(_ghost(as_bytes(setup.path)), prefix=PREFIX, frame=carrier.add_frame())
+    spec.attach(_ghost(setup), prefix=PREFIX, frame=carrier.add_frame())
     model = spec.compile()
     plain = setup.compiled
     if model.nq != 2 * plain.nq or model.nv != 2 * plain.nv or model.nu != plain.nu or model.na != plain.na:
@@ -162,11 +162,9 @@ def _doubled(motion: Motion) -> mujoco.MjModel:
     return model
 
 
-def _ghost(path: str) -> mujoco.MjSpec:
-    """The moving bodies of a model as an apparition."""
-    import mujoco
-
-    ghost = mujoco.MjSpec.from_file(path)
+def _ghost(setup: Setup) -> mujoco.MjSpec:
+    """The moving bodies of a model as a translucent copy without mass and contacts."""
+    ghost = setup.description()
     for kind in _NOT_FOR_GHOSTS:
         for element in list(getattr(ghost, kind)):
             ghost.delete(element)

@@ -1,4 +1,4 @@
-"""What is drawn besides the bodies, as plain data: tubes, arrows, balls, and arcs for torques.
+"""Shapes drawn besides the bodies, as plain data: tubes, arrows, balls, and arcs for torques.
 
 Every viewer of MuJoCo takes such things as ``MjvGeom`` (:mod:`stc.viewer.geoms` makes them); nothing here knows one.
 """
@@ -72,7 +72,7 @@ def force_arrow(
         point: (3,) m.
         force: (3,) N.
         scale: length of the arrow in m per N.
-        size: length of the longest arrow, in m: what is much shorter is left out.
+        size: length of the longest arrow, in m: much shorter arrows are left out.
         colour: of the arrow.
     """
     arrow = scale * force

@@ -1,8 +1,8 @@
 """MuJoCo Studio's side of the viewer: two plugins around a :class:`stc.viewer.player.Player`.
 
-Studio runs a simulation and a window on two threads that exchange messages.  Here the simulation's plugin asks the
-player what is to be seen and passes it on, and the window's plugin shows it and builds the panel.  Studio's own
-controls of time (the space bar, its run and pause buttons, its speed) act on the player's timeline.
+Studio runs a simulation and a window on two threads that exchange messages.  Here the simulation's plugin gets the
+scene from the player and passes it on; the window's plugin shows it and builds the panel.  Studio's own controls of
+time (the space bar, its run and pause buttons, its speed) act on the player's timeline.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _RATE, _RATE_WHILE_SOLVING = 60.0, 30.0
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FrameSnapshot(messages.Snapshot):
-    """What is to be seen; only the newest one counts."""
+    """The content of a picture; only the newest one is used."""
 
     frame: Frame
 
@@ -122,7 +122,7 @@ class Window(plugin.ViewerPlugin):
         self._look()
 
     def _look(self) -> None:
-        """Turn the camera to the motion, in what the panel leaves of the window."""
+        """Point the camera at the motion, in the part of the window that the panel leaves free."""
         view, camera, size = self._player.scene.view, self.viewer.camera, imgui.GetIO().DisplaySize
         self._size = (size.x, size.y)
         if view is not None and min(self._size) > 0.0 and self.viewer.model.nq == self._player.scene.model.nq:
@@ -171,7 +171,7 @@ class Window(plugin.ViewerPlugin):
 
 
 def _place(camera: mujoco.MjvCamera) -> tuple[float, ...]:
-    """Where a camera is, in the single precision in which a browser sends it back."""
+    """The position of a camera, in the single precision in which a browser sends it back."""
     places = [*camera.lookat, camera.distance, camera.azimuth, camera.elevation]
     return tuple(np.array(places, dtype=np.float32).tolist())
 

@@ -1,4 +1,4 @@
-"""The time that is shown: playing, paused or dragged along, at any speed, once or in a loop."""
+"""The displayed time: playing, paused or dragged, at any speed, once or in a loop."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Timeline:
         self.now = self.start + share * self.duration
 
     def advance(self, seconds: float) -> None:
-        """Let ``seconds`` of the watcher's time pass."""
+        """Advance by ``seconds`` of real time."""
         if not self.playing or seconds <= 0.0:
             return
         if self.now < self.end:
@@ -69,7 +69,7 @@ class Timeline:
             self.now = self.start
 
     def seek(self, time: float) -> None:
-        """Show another instant; outside of the motion it is the nearest of its ends."""
+        """Show another instant, clipped to the motion."""
         self.now = min(max(time, self.start), self.end)
         self._waited = 0.0
 

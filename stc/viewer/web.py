@@ -1,4 +1,4 @@
-"""Studio in a browser, on the address that was asked for."""
+"""Studio in a browser, on a given address."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def launch(
         host: address to listen on.
         port: 0 takes the first free one from 8080 on.
         plugins: of both sides.
-        ready: told the page's address once it is served.
+        ready: called with the page's address once it is served.
     """
     config = viewer_protocol.ViewerConfig(title=title, gfx="web", http_port=port)
     of_window, of_simulation = plugin.split_plugins(plugins)
@@ -49,7 +49,7 @@ def launch(
 
 
 def _viewer_on(host: str) -> type[Any]:
-    """Studio's web viewer with another address than the one that it writes down for itself."""
+    """Studio's web viewer with another address than its default."""
 
     class WebViewer(web_viewer.WebViewer):
         _host = property(lambda self: host, lambda self, value: None)
@@ -81,7 +81,7 @@ def _viewer_on(host: str) -> type[Any]:
 
 @contextlib.contextmanager
 def _behind(guard: Guard) -> Iterator[None]:
-    """Have Studio make its server through a guard; it has no option for that."""
+    """Let Studio create its server through a guard; it has no option for that."""
     plain = web_server.serve
     web_server.serve = guard.serve
     try:

@@ -1,7 +1,7 @@
 """Opens a window onto a player: Studio on the desktop, Studio in a browser, or MuJoCo's passive viewer.
 
-What MuJoCo 4.0's Studio needs to be told is said here.  In a browser it would listen on every interface: it is bound
-to the loopback interface unless another address is asked for, and there it answers no page but its own.  On the
+This module also has the workarounds for MuJoCo 4.0's Studio.  In a browser it would listen on every interface: it is
+bound to the loopback interface unless another address is given, and answers only its own page.  On the
 desktop it draws off screen and hands the picture over, since drawing straight into the window is broken in 4.0.0
 (``NativeViewer.sync`` names a render target that does not exist); and its renderer asks for a class that the standard
 library has from Python 3.12 on.
@@ -56,10 +56,10 @@ def desktop_is_there() -> bool:
 
 
 def require_display() -> None:
-    """Make sure that a window can be opened; Studio would end the whole process where none can.
+    """Check that a window can be opened; Studio would end the whole process otherwise.
 
     Raises:
-        DisplayError: there is no display; the message names the way around.
+        DisplayError: there is no display; the message names the alternative.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -117,7 +117,7 @@ def open_web(
         title: of the page.
         host: address to listen on.
         port: 0 takes the first free one from 8080 on.
-        ready: told the page's address once it is served.
+        ready: called with the page's address once it is served.
 
     Raises:
         UsageError: the address cannot be listened on.

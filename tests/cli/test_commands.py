@@ -245,7 +245,7 @@ def test_what_did_not_converge_does_not_cost_an_optimal_solution(stc_: Stc, suff
     kept = Path(f"rest.optimal{suffix}")
     assert (status, err.strip()) == (
         1,
-        f"note: rest{suffix} held an optimal solution, which this one is not: it is kept as {kept}",
+        f"note: rest{suffix} held an optimal solution, and the new one is not optimal; the old file is kept as {kept}",
     )
     assert kept.read_bytes() == best
     assert stc.read(f"rest{suffix}").status == "iteration_limit"
@@ -365,7 +365,7 @@ def test_a_spec_without_a_replay_section_is_solved_but_not_validated(stc_: Stc) 
         (["solve", "point", "--set", "c"], "NAME=VALUE"),
         (["solve", "point", "--set", "c="], "NAME=VALUE"),
         (["solve", "point", "--set", "c=1/0"], "division by zero"),
-        (["solve", "point", "--set", "c=y"], "`y` is no number"),
+        (["solve", "point", "--set", "c=y"], "`y` is not a number"),
         (["solve", "point", "--set", "c=(1"], "`)`"),
         (["solve", "point", "--set", "d=1"], "d"),
         (["solve", "point", "--method", "trapezoid"], "did you mean `trapezoidal`?"),
@@ -383,8 +383,8 @@ def test_a_spec_without_a_replay_section_is_solved_but_not_validated(stc_: Stc) 
         (["new", "point"], "exists already"),
         (["new", "point.stc/inside"], "point.stc/inside.stc"),
         (["solve", "point", "--tolerance", "1e-30"], "between 1e-14 and 1, not 1e-30"),
-        (["validate", "point", "--samples", "3"], "--samples is for --robustness"),
-        (["validate", "point", "--seed", "3"], "--seed is for --robustness"),
+        (["validate", "point", "--samples", "3"], "--samples can only be used with --robustness"),
+        (["validate", "point", "--seed", "3"], "--seed can only be used with --robustness"),
     ],
 )
 def test_mistakes_get_a_message_and_exit_2(stc_: Stc, words: list[str], expected: str) -> None:
@@ -493,7 +493,25 @@ def test_new_says_that_it_shadows_a_bundled_spec(stc_: Stc) -> None:
     status, _, err = stc_("new", "luxo_jump")
     assert status == 0
     assert "luxo_jump is a bundled spec too: in this folder that name means luxo_jump.stc" in err
+    assert "`stc new mine --from luxo_jump`" in err
     assert stc_("new", "sub/luxo_jump")[2] == ""
+
+
+def test_new_copies_a_bundled_spec(stc_: Stc) -> None:
+    from stc import specs
+
+    assert stc_("new", "land", "--from", "particle_terrain")[0] == 0
+    source = specs.locate("particle_terrain")
+    assert source is not None
+    assert Path("land.stc").read_text() == source.read_text()
+    assert stc_("check", "land.stc")[0] == 0  # with its data
+    status, _, err = stc_("new", "other", "--from", "particle_terrain")
+    assert (status, Path("other.stc").exists()) == (2, False)
+    assert "particle_terrain.csv` exists already" in err
+    assert "`stc list` names them" in stc_("new", "x", "--from", "nothing")[2]
+    assert (
+        "`--model` does not go with it" in stc_("new", "x", "--from", "luxo_jump", "--model", "luxo.xml")[2]
+    )
 
 
 def test_the_help_tells_how_many_samples_there_are(stc_: Stc) -> None:
@@ -572,7 +590,7 @@ def test_what_is_no_spec_is_told_in_few_lines(stc_: Stc) -> None:
     status, out, err = stc_("check", "README.md", "--json")
     assert status == 2
     assert len(err.splitlines()) < 120
-    last = "`README.md` may be no spec: those are .stc files; `stc new NAME` writes one"
+    last = "`README.md` may not be a spec: specs are .stc files; `stc new NAME` writes one"
     assert err.rstrip().endswith(last)
     mistakes = last_line(out)["diagnostics"]
     assert f"and {len(mistakes) - 20} more mistakes" in err

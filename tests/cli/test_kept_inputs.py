@@ -53,8 +53,8 @@ def refused(call: Stc, *words: str, what: str) -> None:
     before = {path: path.read_bytes() for path in Path().iterdir() if path.is_file()}
     status, _, err = call(*words)
     assert status == 2, err
-    assert f"that is {what}, which would be lost" in err
-    assert "give the file another name" in err
+    assert f"this would overwrite {what}" in err
+    assert "choose another file name" in err
     assert {path: path.read_bytes() for path in Path().iterdir() if path.is_file()} == before
 
 
@@ -98,7 +98,7 @@ def test_copies_of_meshes_do_not_take_the_place_of_others(stc_: Stc) -> None:
     Path("hop.xml").write_text(second.join(text.rsplit("</asset>", 1)))
     status, _, err = stc_("export", "hop.npz", "--format", "keyframes", "-o", "new.xml")
     assert status == 2
-    assert "new_assets/sign.obj: that is a file of the model, which would be lost" in err
+    assert "new_assets/sign.obj: this would overwrite a file of the model" in err
     assert Path("new_assets/sign.obj").read_text() == other
     # A folder that holds what would be copied there stays as it is.
     Path("hop.xml").write_text(text.replace("sign.obj", "new_assets/sign.obj"))
@@ -137,7 +137,7 @@ def test_a_solve_keeps_its_spec(stc_: Stc) -> None:
     refused(stc_, "solve", "hop.stc", "-o", "motion.npz", what="the spec itself")
     Path("page.html").symlink_to("hop.stc")
     refused(stc_, "run", "hop.stc", "--report", "page.html", what="the spec itself")
-    refused(stc_, "validate", "hop.stc", "--report", "page.html", what="what is to be validated")
+    refused(stc_, "validate", "hop.stc", "--report", "page.html", what="the solution to validate")
 
 
 # ------------------------------------------------------------------ options of exports

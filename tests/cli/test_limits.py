@@ -281,4 +281,4 @@ def test_too_little_memory_is_told_of(kilobytes: int, tmp_path: Path) -> None:
         timeout=120,
     )
     assert (done.returncode, json.loads(done.stdout)["status"]) == (1, "failed")
-    assert done.stderr == "stc: there is not enough memory for this: ask for less of it\n"
+    assert done.stderr == "stc: there is not enough memory for this: use fewer frames, samples or workers\n"

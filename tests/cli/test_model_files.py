@@ -10,6 +10,7 @@ import pytest
 import stc
 from stc.certification import certify
 from stc.cli.main import run
+from stc.validate import validate
 
 
 def test_a_model_is_listed_with_what_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -126,11 +127,94 @@ _ARM = """<robot name="arm"><link name="base"/><joint name="elbow" type="continu
 
 
 def test_what_a_urdf_does_not_state_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its base and motors in the listing; of meshes in packages, which MuJoCo does not find, the line to write."""
-    (tmp_path / "arm.urdf").write_text(_ARM.format(more=""), encoding="utf-8")
-    assert run(["show", str(tmp_path / "arm.urdf")]) == 0
-    assert "fixed to the world" in capsys.readouterr().out
+    """Its base and motors in the listing, and what is left out of it."""
     mesh = '<collision><geometry><mesh filename="package://arm/meshes/arm.stl"/></geometry></collision>'
     (tmp_path / "arm.urdf").write_text(_ARM.format(more=mesh), encoding="utf-8")
-    assert run(["show", str(tmp_path / "arm.urdf")]) == 2
-    assert 'strippath="true"' in capsys.readouterr().err
+    assert run(["show", str(tmp_path / "arm.urdf")]) == 0
+    told = capsys.readouterr().out
+    assert 'model: "arm.urdf" with freejoint, motors, floor;' in told
+    assert "package://arm/meshes/arm.stl" in told
+
+
+def test_a_starter_of_a_urdf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arm stays mounted and gets motors; the saved motion says so to whoever replays it."""
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text(_ARM.format(more=""), encoding="utf-8")
+    assert run(["new", "mine", "--model", "arm.urdf"]) == 0
+    assert 'model: "arm.urdf" with motors;' in Path("mine.stc").read_text(encoding="utf-8")
+    stc.load("mine.stc").solve().save("mine.npz")
+    Path("mine.stc").unlink()
+    assert validate("mine.npz").passed
+
+
+_URDF_LEG = """<link name="{n}_hip"><inertial><mass value=".5"/><inertia ixx=".002" iyy=".002" izz=".002" ixy="0"
+  ixz="0"
+  iyz="0"/></inertial></link><link name="{n}_thigh"><inertial><origin xyz="0 0 -.1"/><mass value=".5"/><inertia
+  ixx=".003" iyy=".003" izz=".001" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="{n}_shin"><inertial><origin
+  xyz="0 0 -.1"/><mass value=".2"/><inertia ixx=".001" iyy=".001" izz=".0005" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><origin xyz="0 0 -.2"/><geometry><sphere radius=".02"/></geometry></collision></link>
+  <joint name="{n}_side" type="revolute"><parent link="trunk"/><child link="{n}_hip"/><origin xyz="{x} {y} 0"/>
+  <axis xyz="1 0 0"/><limit lower="-.8" upper=".8" effort="30" velocity="20"/></joint>
+  <joint name="{n}_swing" type="revolute"><parent link="{n}_hip"/><child link="{n}_thigh"/><axis xyz="0 1 0"/>
+  <limit lower="-1" upper="3" effort="30" velocity="20"/></joint>
+  <joint name="{n}_knee" type="revolute"><parent link="{n}_thigh"/><child link="{n}_shin"/><origin xyz="0 0 -.2"/>
+  <axis xyz="0 1 0"/><limit lower="-2.5" upper="-.5" effort="30" velocity="20"/></joint>"""
+
+
+@pytest.mark.slow
+def test_a_starter_of_a_urdf_with_legs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stands, on a floor of its own, with knees bent that the drawn pose has outside of their ranges."""
+    monkeypatch.chdir(tmp_path)
+    legs = [
+        _URDF_LEG.format(n=f"{a}{b}", x=x, y=y)
+        for a, x in (("F", 0.2), ("R", -0.2))
+        for b, y in (("L", 0.1), ("R", -0.1))
+    ]
+    trunk = """<link name="base"/><joint name="mount" type="fixed"><parent link="base"/><child link="trunk"/></joint>
+      <link name="trunk"><inertial><mass value="6"/><inertia ixx=".03" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/>
+      </inertial><collision><geometry><box size=".4 .2 .1"/></geometry></collision></link>"""
+    Path("dog.urdf").write_text(f'<robot name="dog">{trunk}{"".join(legs)}</robot>', encoding="utf-8")
+    assert run(["new", "mine", "--model", "dog.urdf"]) == 0
+    text = Path("mine.stc").read_text(encoding="utf-8")
+    assert 'model: "dog.urdf" with freejoint, motors, floor;' in text
+    assert "stands still" in text
+    assert run(["run", "mine"]) == 0
+
+
+def test_words_for_what_is_added(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "arm.urdf").write_text(_ARM.format(more=""), encoding="utf-8")
+    (tmp_path / "arm.stc").write_text(
+        'constants: n = 2, h = 1; model: "arm.urdf" with flor;', encoding="utf-8"
+    )
+    assert run(["check", str(tmp_path / "arm.stc")]) == 2
+    assert "did you mean `floor`?" in capsys.readouterr().err
+
+
+def test_wheels_of_a_starter_spec_roll(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    model = """<mujoco><option timestep="1e-4" integrator="RK4" impratio="10"/><worldbody>
+      <geom type="plane" size="5 5 .1" friction=".9" solref="0.0004 1"/>
+      <body name="trunk" pos="0 0 .1"><joint name="x" type="slide" axis="1 0 0"/>
+        <joint name="z" type="slide" axis="0 0 1"/><joint name="pitch" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 .05 0 0 .6" size=".04" mass="4" contype="0" conaffinity="0"/>
+        <body name="wheels"><joint name="axle" axis="0 1 0"/>
+          <geom name="wheel" type="cylinder" fromto="0 -.1 0 0 .1 0" size=".1" mass="1" friction=".9"
+            solref="0.0004 1"/>
+        </body></body></worldbody><actuator><motor joint="axle"/></actuator></mujoco>"""
+    Path("cart.xml").write_text(model)
+    assert run(["new", "mine", "--model", "cart.xml"]) == 0
+    text = Path("mine.stc").read_text()
+    assert "point(body.wheels, 0, 0.1, 0), radius = 0.1" in text
+    drive = """constants: n = 40, T = 2, h = T/n, D = 1;
+        model: "cart.xml";
+        contact: wheel = {wheel}, friction = 0.8; [0, n]: wheel;
+        constraints: [0]: keyframe.reference; rest; [n]: joint.x = D; joint.pitch; rest;
+        objective: [0, n]: integral(effort);"""
+    with pytest.raises(stc.SpecError, match="cylinder") as caught:
+        stc.load(drive.format(wheel="point(geom.wheel)")).problem()
+    wheel = "point(body.wheels, 0, 0, 0), radius = 0.1"
+    assert f"`{wheel}`" in str(caught.value)
+    solution = stc.load(drive.format(wheel=wheel)).solve()
+    assert solution.status == "optimal"
+    assert solution["joint.axle"][-1] == pytest.approx(10.0, abs=1e-6)
+    assert certify(solution).passed

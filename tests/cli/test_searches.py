@@ -60,7 +60,7 @@ def test_an_exported_table_is_a_guess(stc_: Stc) -> None:
     assert Path("table.csv").read_text().split(",")[0] == "time"
     options = ("--guess-from", "table.csv", "--max-iterations", "0", "-o", "guess.npz")
     status, _, err = stc_("solve", "particle_jet", *options)
-    assert (status, err) == (1, "")  # the time is no unknown name, and no other time than the motion's
+    assert (status, err) == (1, "")  # the time is not an unknown name, and no other time than the motion's
     solved, guessed = stc.read("particle_jet.npz"), stc.read("guess.npz")
     # Between the rows the table is linear.
     assert guessed["x"] == pytest.approx(solved["x"], abs=1e-2 * np.ptp(solved["x"]))
@@ -139,7 +139,7 @@ def test_a_guess_is_read_by_name(stc_: Stc) -> None:
         (("--continue", "g=0:1:inf"), "must be a whole number"),
         (("--continue", "g=1:inf"), "from one number to another, not from 1 to inf"),
         (("--continue", "g=-inf:0:3"), "from one number to another, not from -inf to 0"),
-        (("--continue", "g=0:x"), "no number"),
+        (("--continue", "g=0:x"), "is not a number"),
         (("--continue", "G=0:1"), "no constant `G`\n  did you mean `g`?"),
         (("--continue", "g=1:1"), "goes nowhere"),
         (("--continue", "n=50:0"), "division by zero"),
@@ -148,7 +148,7 @@ def test_a_guess_is_read_by_name(stc_: Stc) -> None:
         (("--continue", "g=0:1", "--starts", "2"), "both choose the starts"),
         (("--starts", "0"), "at least 1"),
         (("--starts", "2", "--seed", "-1"), "0 or more"),
-        (("--seed", "1"), "--seed is for --starts"),
+        (("--seed", "1"), "--seed can only be used with --starts"),
         (("--starts", "2", "--warm-start", "a.npz"), "give one of them"),
         (("--guess-from", "a.csv", "--warm-start", "a.npz"), "give one of them"),
         (("--guess-from", "a.csv"), "no file `a.csv`"),
@@ -179,14 +179,14 @@ def test_a_motion_is_run_until_it_is_verified(stc_: Stc) -> None:
     Path("wrong.stc").write_text(path.read_text().replace("m*x'' = fx", "m*x'' = 1.1*fx"))
     status, out, err = stc_("run", "wrong.stc", "--until-verified", "1e-9")
     assert status == 1
-    assert "note: --until-verified 1e-09 was not reached: the equations of motion are not the model's" in err
+    assert (
+        "note: --until-verified 1e-09 was not reached: the equations of motion differ from the model's" in err
+    )
     assert len(rows(out)) == 2
     status, _, err = stc_("run", "wrong.stc", "--until-verified", "1e-3", "--refine", "1e-3")
     assert (status, "give one of them" in err) == (2, True)
     status, out, err = stc_("run", "particle_waypoints", "--until-verified", "1e-99")
     assert status == 1
     assert "\npassed: " in out
-    assert err.rstrip().endswith(
-        "note: the motion passed, but the search did not get as far as it was asked to"
-    )
+    assert err.rstrip().endswith("note: the motion passed, but the search did not reach its goal")
     assert stc_("run", "wrong.stc", "--until-verified", "-1")[0] == 2

@@ -81,7 +81,7 @@ def test_what_is_no_solution_is_shown_only_by_force(words: list[str], stc_: Stc)
     assert status == 2
     assert f"is not {done}: its solve ended iteration_limit, not optimal" in err
     assert "--force" in err.splitlines()[-1]
-    if done != "replayed":  # whether a replay of what is no solution goes well is another matter
+    if done != "replayed":  # whether a replay of what is not a solution goes well is another matter
         assert stc_(*words, "--force")[0] == 0
 
 
@@ -155,8 +155,12 @@ def test_without_a_model_variables_are_drawn_and_tabled(target: str, stc_: Stc) 
     ("words", "why", "instead"),
     [
         (["render", "-o", "rest.png"], "no bodies to render", "stc plot"),
-        (["export", "--format", "gltf"], "no bodies and joints for gltf", "--format csv"),
-        (["export", "--format", "controls"], "no bodies and joints for controls", "--format csv"),
+        (["export", "--format", "gltf"], "gltf needs the bodies and joints of a model", "--format csv"),
+        (
+            ["export", "--format", "controls"],
+            "controls needs the bodies and joints of a model",
+            "--format csv",
+        ),
         (["validate"], "MuJoCo cannot replay it", "stc solve"),
     ],
     ids=["render", "gltf", "controls", "validate"],

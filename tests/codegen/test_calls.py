@@ -1,104 +1,105 @@
-"""Compiled functions that make prepared calls by number."""
+"""Functions of the core that make prepared calls by number."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from solver.kkt.backends import printed_by
 
-from stc.codegen.calls import Bound, CallTable, invoke
-from stc.codegen.native import NativeError, f64s, i64, i64s, native, native_source
+from stc.core.calls import Bound, CallTable
+from stc.core.functions import ArgumentError, function
+from stc.solver import state
 
-
-@native
-def double(s: f64s) -> i64:
-    """Doubles the first number; whether it is large then."""
-    s[0] = 2.0 * s[0]
-    return 1 if s[0] > 10.0 else 0
+#: Makes the call at ``state.DIAGONALS``, then notes what it has begun.
+begin = function("inertia_correction_begin")
 
 
-@native(shared=True)
-def until_large(calls: i64s, most: i64, s: f64s) -> i64:
-    """How many calls it took."""
-    for k in range(most):
-        before = s[0]
-        if calls[0] == 0:
-            return -1
-        large = invoke(calls, 0)
-        s[1] += s[0] - before  # what the call wrote is seen
-        if large != 0:
-            return k + 1
-    return 0
+@pytest.fixture
+def table():
+    return CallTable(state.CALLS)
 
 
-def test_calls_are_made_and_what_they_write_is_seen():
-    table, s = CallTable(1), np.array([1.0, 0.0])
-    table.put(0, double.bind(s))
-    assert until_large(table.cells, 10, s) == 4
-    assert s.tolist() == [16.0, 15.0]
+@pytest.fixture
+def s():
+    """The numbers of an iteration."""
+    return np.zeros(state.NUMBERS)
 
 
-def test_without_a_call_there_is_none():
-    table, s = CallTable(1), np.ones(2)
-    assert until_large(table.cells, 10, s) == -1
-    table.put(0, double.bind(s))
-    table.put(0, None)
-    assert until_large(table.cells, 10, s) == -1
-    assert s.tolist() == [1.0, 1.0]
+def test_calls_are_made(table, s):
+    counter, status = np.zeros(1, dtype=np.int64), np.ones(1)
+    table.put(state.DIAGONALS, function("gather_begin").bind(status, counter))
+    for made in (1, 2):
+        begin(table.cells, s)
+        assert counter[0] == made
 
 
-def test_python_functions_may_be_called():
-    table, s = CallTable(1), np.array([1.0, 0.0])
+def test_python_functions_may_be_called_and_what_they_write_is_seen(table, s):
+    def note() -> None:
+        s[state.STIFFNESS] += 5.0
 
-    def add() -> int:
-        s[0] += 5.0
-        return int(s[0] > 10.0)
-
-    table.put(0, Bound.of_python(add, ()))
-    assert until_large(table.cells, 10, s) == 2
+    table.put(state.DIAGONALS, Bound.of_python(note, ()))
+    for made in (1, 2):
+        begin(table.cells, s)
+        assert s[state.SHIFT] == 5.0 * made
     table.check()
-    table.put(0, Bound.of_python(lambda: None, ()))  # nothing counts as 0
-    assert until_large(table.cells, 10, s) == 0
 
 
 @pytest.mark.parametrize("raised", [ValueError("no"), KeyboardInterrupt()])
-def test_what_python_raises_is_raised_afterwards(raised):
-    table, s = CallTable(1), np.array([1.0, 0.0])
+def test_what_python_raises_is_raised_afterwards(table, s, raised):
     made = []
 
     def fail() -> int:
         made.append(1)
         raise raised
 
-    table.put(0, Bound.of_python(fail, ()))
-    assert until_large(table.cells, 10, s) == 0
+    table.put(state.DIAGONALS, Bound.of_python(fail, ()))
+    begin(table.cells, s)
+    begin(table.cells, s)
     assert len(made) == 1  # later ones are not made
     assert table.cells[-1] == 1
     with pytest.raises(type(raised)):
         table.check()
     assert table.cells[-1] == 0
     table.check()
-    until_large(table.cells, 10, s)
+    begin(table.cells, s)
     table.forget()
     table.check()
 
 
-def test_a_table_is_needed():
-    text = "from stc.codegen.native import *\nfrom stc.codegen.calls import invoke\n"
-    text += "@native\ndef wrong(s: f64s) -> i64:\n    return invoke(s, 0)\n"
-    with pytest.raises(NativeError, match="cells of a table"):
-        native_source(text, "wrong table")["wrong"](np.zeros(1))
+def test_a_place_that_is_emptied_is_empty(table):
+    call = Bound.of_python(lambda: None, ())
+    table.put(3, call)
+    assert table.cells[6] != 0
+    table.put(3, None)
+    assert table.cells[6] == table.cells[7] == 0
 
 
-def test_the_same_without_machine_code():
-    script = """
-import sys
-sys.path.insert(0, sys.argv[1])
-from codegen import test_calls
-test_calls.test_calls_are_made_and_what_they_write_is_seen()
-test_calls.test_without_a_call_there_is_none()
-test_calls.test_python_functions_may_be_called()
-print(test_calls.until_large.is_compiled)
-"""
-    assert printed_by(script, "python") == ["False"]
-    assert printed_by(script, "llvm") == ["True"]
+def test_arguments_are_checked():
+    combine = function("step_combine")
+    factor, one, other, out = np.full(1, 2.0), np.ones(6), np.arange(6.0), np.zeros(6)
+    combine(6, factor, one, other, out)
+    np.testing.assert_array_equal(out, 1.0 + 2.0 * other)
+    for wrong, message in (
+        (
+            other.astype(np.float32),
+            "other must be a one-dimensional C-contiguous array of float64, not float32",
+        ),
+        (np.zeros(12)[::2], "other must be .*strides"),
+        (other.reshape(2, 3), "other must be .*shape"),
+        ([1.0] * 6, "other must be a float64 array, not list"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            combine(6, factor, one, wrong, out)
+    with pytest.raises(ArgumentError, match="takes 5 arguments, not 2"):
+        combine(6, factor)
+
+
+def test_scalars_of_a_prepared_call_can_be_set():
+    call = function("kernels_multiplier_scale").bind(1000.0, 2)  # the mean, in hundreds
+    assert call() == 5.0
+    call.set("count", 1)
+    assert call() == 10.0
+    call.floats[call.position("total")] = 500.0
+    assert call() == 5.0
+    copied = function("gather_copy").bind(1, np.zeros(1), np.zeros(1))
+    with pytest.raises(ArgumentError, match="bind again"):
+        copied.set("values", 1.0)

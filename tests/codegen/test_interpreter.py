@@ -10,7 +10,8 @@ from stc.codegen.fusion import find_fused
 from stc.codegen.interpreter import CHUNK, assemble
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes
 from stc.codegen.runs import Runs
-from stc.codegen.tape import OPERATORS, Tape, build_tape
+from stc.codegen.tape import LOOKUPS, OPERATORS, Tape, build_tape
+from stc.core.library import library
 from stc.symbolic.expr import add, call, mul, num, sub, sym
 
 pytestmark = pytest.mark.skipif(not engine.llvm_wanted(), reason="needs LLVM")
@@ -55,6 +56,10 @@ def _both(tape: Tape, runs: Runs, blocks: int, seed: int, kept: int = 0) -> tupl
         kernels.bind(0, workspace, uniform, index, out, given)()
         results.append(out)
     return results[0], results[1]
+
+
+def test_every_operator_is_an_instruction() -> None:
+    assert {*OPERATORS, *LOOKUPS} <= set(library().tape_instructions().decode().split())
 
 
 @settings(max_examples=60, deadline=None)

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen import engine, reference
-from stc.codegen.calls import Bound, chain, chain_until
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
-from stc.codegen.native import f64, f64s, i64, native
 from stc.codegen.runs import RUN
 from stc.codegen.tape import OPERATORS, TOGETHER, Tape, build_tape
+from stc.core.calls import Bound, chain, chain_until
+from stc.core.functions import function
 from stc.symbolic import expr
 
 Array = NDArray[np.float64]
@@ -299,59 +299,40 @@ def test_bound_calls_see_new_values() -> None:
             np.testing.assert_allclose(setting.out, setting.expected(), rtol=1e-12)
 
 
-@native
-def total(n: i64, scale: f64, x: f64s, result: f64s) -> f64:
-    """Sum, kept and returned."""
-    s = 0.0
-    for k in range(n):
-        s += x[k]
-    result[0] = s * scale
-    return s
-
-
-def test_chains_run_kernels_and_native_functions_in_order() -> None:
+def test_chains_run_kernels_and_functions_of_the_core_in_order() -> None:
     setting = Setting(double_pendulum(), 8)
     for backend in ("llvm", "numpy"):
         setting.out[:] = 0.0
-        result = np.zeros(1)
         flat = setting.out.reshape(-1)
-        summed = total.bind(flat.size, 2.0, flat, result)
+        result, one, factor = np.zeros(flat.size), np.ones(flat.size), np.full(1, 2.0)
+        combined = function("step_combine").bind(flat.size, factor, one, flat, result)
         kernel = compile_tapes([setting.tape], backend=backend).bind(0, *setting.arguments)
-        both = chain([kernel, summed])
+        both = chain([kernel, combined])
         assert both.native == (backend == "llvm")
         both()
-        assert result[0] == pytest.approx(2.0 * setting.out.sum(), rel=1e-13)
-        summed.set("scale", 3.0)
+        np.testing.assert_allclose(result, 1.0 + 2.0 * flat, rtol=1e-13)
+        factor[0] = 3.0
         nested = chain([both, both])
         nested()
-        assert result[0] == pytest.approx(3.0 * setting.out.sum(), rel=1e-13)
+        np.testing.assert_allclose(result, 1.0 + 3.0 * flat, rtol=1e-13)
     assert chain([])() is None
-
-
-@native
-def count_above(n: i64, limit: f64, x: f64s, calls: f64s) -> i64:
-    """How many are larger, and one more call."""
-    found = 0
-    for k in range(n):
-        found += x[k] > limit
-    calls[0] += 1.0
-    return found
 
 
 @pytest.mark.parametrize("native_code", [True, False])
 def test_chains_end_at_a_result(native_code: bool) -> None:
-    x, calls, result = np.array([1.0, 2.0, 3.0]), np.zeros(1), np.zeros(1)
-    last = total.bind(3, 1.0, x, result)
+    none, some, status = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64), np.ones(1)
+    counter = np.zeros(1, dtype=np.int64)
+    all_same, begin = function("gather_all_same"), function("gather_begin")
+    last: Bound = begin.bind(status, counter)
     if not native_code:
         last = Bound.of_python(last, ())
-    for limit, checked, ended in ((5.0, True, 0), (1.5, True, 2), (1.5, False, 0)):
-        calls[0] = result[0] = 0.0
-        parts = count_above.bind(3, 9.0, x, calls), count_above.bind(3, limit, x, calls)
+    for result, checked, ended in ((0, True, 0), (1, True, 2), (1, False, 0)):
+        counter[0], some[0] = 0, result
+        parts = all_same.bind(1, none), all_same.bind(1, some)
         call = chain_until([(parts[0], True), (parts[1], checked), (last, False)])
         assert call.native == native_code
         assert call() == ended
-        assert calls[0] == 2.0
-        assert result[0] == (0.0 if ended else 6.0)
+        assert counter[0] == (0 if ended else 1)
     assert chain_until([])() == 0
 
 

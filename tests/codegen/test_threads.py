@@ -11,23 +11,13 @@ import numpy as np
 import pytest
 
 from stc.codegen import threads
-from stc.codegen.calls import Bound, chain
-from stc.codegen.native import f64s, i64, native
+from stc.core.calls import Bound, chain
+from stc.core.functions import function
 from stc.errors import UsageError
 
-
-@native
-def _double_and_add(count: i64, source: f64s, into: f64s) -> None:
-    for k in range(count):
-        into[k] = 2.0 * into[k] + source[k]
-
-
-@native
-def _sum_into(count: i64, source: f64s, into: f64s) -> None:
-    total = 0.0
-    for k in range(count):
-        total += source[k]
-    into[0] = total
+_combine = function("step_combine")
+_total = function("gather_total")
+_copy = function("gather_copy")
 
 
 @pytest.fixture
@@ -42,13 +32,14 @@ def two(monkeypatch):
 
 def _job(pieces: int, size: int, seed: int):
     rng = np.random.default_rng(seed)
-    source = rng.standard_normal((pieces, size))
+    source, other = rng.standard_normal((2, pieces, size))
     into = np.zeros((pieces, size))
-    sums, total = np.zeros(pieces), np.zeros(1)
+    sums, total, status = np.zeros(pieces), np.zeros(1), np.zeros((pieces, 1))
+    places, one, factor = np.arange(max(size, pieces), dtype=np.int32), np.ones(1), np.full(1, 2.0)
     phases = [
-        [_double_and_add.bind(size, source[k], into[k]) for k in range(pieces)],
-        [_sum_into.bind(size, into[k], sums[k : k + 1]) for k in range(pieces)],
-        [_sum_into.bind(pieces, sums, total)],
+        [_combine.bind(size, factor, source[k], other[k], into[k]) for k in range(pieces)],
+        [_total.bind(size, places, one, into[k], sums[k : k + 1], status[k]) for k in range(pieces)],
+        [_total.bind(pieces, places, one, sums, total, status[0])],
     ]
     return phases, into, total
 
@@ -93,8 +84,8 @@ def test_joins_a_chain_and_nests(two):
     phases, _, total = _job(4, 50, 3)
     first = np.zeros(1)
     inner = threads.parallel(phases)
-    outer = threads.parallel([[inner], [_sum_into.bind(1, total, first)]])
-    chained = chain([outer, _sum_into.bind(1, first, total)])
+    outer = threads.parallel([[inner], [_copy.bind(1, total, first)]])
+    chained = chain([outer, _copy.bind(1, first, total)])
     assert chained.native
     for _ in range(20):
         chained()
@@ -115,7 +106,7 @@ def test_one_thread_is_a_chain(two):
 
 def _offered() -> int:
     """How often the second thread has been asked."""
-    return threads._helper().mailbox[3]
+    return threads._helper().pool.offers
 
 
 def test_a_limit_holds_for_calls_prepared_before(two):
@@ -225,23 +216,18 @@ SCRIPT = """
 import os, sys, numpy as np
 from stc.codegen import threads
 threads._processors = lambda: 2
-from stc.codegen.native import native_source
-text = '''
-from stc.codegen.native import *
-@native
-def add(count: i64, x: f64s) -> None:
-    for k in range(count):
-        x[k] += 1.0
-'''
-add = native_source(text, "add")["add"]
-x = np.zeros((6, 1000))
-call = threads.parallel([[add.bind(1000, row) for row in x]])
+from stc.core.functions import function
+add = function("gather_fold")  # the last number of a row to each of the others
+x = np.zeros((6, 1001))
+x[:, -1] = 1.0
+last, each = np.full(1000, 1000, dtype=np.int32), np.arange(1000, dtype=np.int32)
+call = threads.parallel([[add.bind(1000, last, each, row) for row in x]])
 for _ in range(50):
     call()
 child = os.fork() if hasattr(os, "fork") else 0
 for _ in range(50):
     call()
-assert (x == 100.0).all()
+assert (x[:, :-1] == 100.0).all()
 if child:
     assert os.waitpid(child, 0)[1] == 0
 print("done" if child else "child")

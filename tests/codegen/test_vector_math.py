@@ -1,21 +1,24 @@
-"""Elementary functions of compiled kernels against sixty-digit decimal arithmetic, and C's special cases."""
+"""Elementary functions of kernels, compiled and interpreted, against sixty-digit decimals, and C's special cases."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from decimal import Decimal, localcontext
 from typing import Any
 
 import numpy as np
 import pytest
+from core.instruction_sets import INSTRUCTIONS, need
 from numpy.typing import NDArray
 
 from stc.codegen import engine
-from stc.codegen.kernel import LANES, compile_tapes
-from stc.codegen.runs import RUN
+from stc.codegen.kernel import LANES, KernelSet, compile_tapes
+from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
 from stc.codegen.vector_math import LARGEST_ANGLE
+from stc.core import library as core
 
 Array = NDArray[np.float64]
 PI = Decimal(
@@ -24,12 +27,31 @@ PI = Decimal(
 COUNT = 240
 
 
-@pytest.fixture(params=["fused", "unfused"])
-def fused(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
-    """With the machine's multiply-add, and as on a machine without."""
-    if request.param == "unfused":
+#: How kernels are made of tapes; see ``way``.
+made = compile_tapes
+
+
+@pytest.fixture(params=["fused", "unfused", "baseline", "avx2", "avx512"])
+def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Compiled with the machine's multiply-add and as on a machine without, and interpreted by each instruction set."""
+    if request.param in ("unfused", "baseline"):
         monkeypatch.setattr(engine, "has_fma", lambda: False)
-    return bool(request.param == "fused")
+    if request.param in ("fused", "unfused"):
+        yield
+        return
+    if request.param not in INSTRUCTIONS:
+        pytest.skip(f"no {request.param} here")
+    need(request.param)
+    loaded = core.library(request.param)
+    monkeypatch.setattr(core, "library", lambda: loaded)
+
+    def interpreted(tapes: list[Tape], **options: Any) -> KernelSet:
+        kernels = KernelSet(tapes, [Runs.alone(tape.n_varying) for tape in tapes], "llvm")
+        kernels.interpret()
+        return kernels
+
+    monkeypatch.setattr(sys.modules[__name__], "made", interpreted)
+    yield
 
 
 def evaluate(name: str, *arguments: Array) -> Array:
@@ -47,7 +69,7 @@ def evaluate(name: str, *arguments: Array) -> Array:
     blocks = padded[0].size // LANES
     index = np.arange(len(arguments) * blocks * LANES, dtype=np.int32).reshape(len(arguments), blocks, LANES)
     out = np.empty((blocks, 1, LANES))
-    kernels = compile_tapes([tape], backend="llvm", cache=False)
+    kernels = made([tape], backend="llvm", cache=False)
     workspace = np.concatenate([*padded, np.zeros(RUN - 1)])
     kernels[0](workspace, np.zeros(0), np.ascontiguousarray(index.transpose(1, 0, 2)), out)
     return out.ravel()[:count]
@@ -179,14 +201,14 @@ CASES = [
 
 
 @pytest.mark.parametrize(("name", "bound", "kind"), [(n, b, kind) for n, b, kinds in CASES for kind in kinds])
-def test_functions_of_one_argument(name: str, bound: float, kind: str, fused: bool) -> None:
+def test_functions_of_one_argument(name: str, bound: float, kind: str, way: None) -> None:
     x = draw(kind)
     if name == "tan":  # poles
         x = x[np.abs(np.cos(x)) > 1e-12] if kind != "many turns" else x
     assert largest_error(name, x) < bound
 
 
-def test_powers(fused: bool) -> None:
+def test_powers(way: None) -> None:
     rng = np.random.default_rng(5)
     x = np.exp(rng.uniform(-3.0, 3.0, COUNT))
     assert largest_error("pow", x, rng.uniform(-10.0, 10.0, COUNT)) < 1.5
@@ -196,7 +218,7 @@ def test_powers(fused: bool) -> None:
     assert largest_error("pow", 1.0 + rng.uniform(-1e-3, 1e-3, COUNT), rng.uniform(-6e5, 6e5, COUNT)) < 2.0
 
 
-def test_angles_of_points(fused: bool) -> None:
+def test_angles_of_points(way: None) -> None:
     rng = np.random.default_rng(6)
     assert largest_error("atan2", rng.normal(size=COUNT), rng.normal(size=COUNT)) < 2.0
     assert largest_error("atan2", draw("any size"), draw("any size")[::-1].copy()) < 2.0
@@ -240,7 +262,7 @@ NUMPY = {
 
 
 @pytest.mark.parametrize("name", sorted(NUMPY))
-def test_special_arguments(name: str, fused: bool) -> None:
+def test_special_arguments(name: str, way: None) -> None:
     x = SPECIAL
     if name in ("sin", "cos", "tan"):
         x = x[~(np.abs(x) > LARGEST_ANGLE) | np.isinf(x)]
@@ -250,7 +272,7 @@ def test_special_arguments(name: str, fused: bool) -> None:
 
 
 @pytest.mark.parametrize("name", ["pow", "atan2"])
-def test_special_pairs(name: str, fused: bool) -> None:
+def test_special_pairs(name: str, way: None) -> None:
     x, y = (grid.ravel() for grid in np.meshgrid(SPECIAL, SPECIAL))
     if name == "atan2":  # the sum of two such sides overflows
         keep = ~((np.abs(x) == 1e308) & (np.abs(y) == 1e308))
@@ -263,13 +285,13 @@ def test_special_pairs(name: str, fused: bool) -> None:
     np.testing.assert_array_equal(np.signbit(result[known]), np.signbit(expected[known]))
 
 
-def test_fractional_power_of_a_negative_number_is_nan(fused: bool) -> None:
+def test_fractional_power_of_a_negative_number_is_nan(way: None) -> None:
     x = np.array([-2.0, -1e-300, -0.5, -3.0])
     assert np.isnan(evaluate("pow", x, np.full(4, -0.71))).all()
     np.testing.assert_allclose(evaluate("pow", x, np.full(4, 3.0)), x**3, rtol=1e-15)
 
 
-def test_no_angle_is_left_in_huge_arguments(fused: bool) -> None:
+def test_no_angle_is_left_in_huge_arguments(way: None) -> None:
     x = np.array([1e14, -1e20, 1e300, 2 * LARGEST_ANGLE])
     for name in ("sin", "cos", "tan"):
         assert np.isnan(evaluate(name, x)).all()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-import platform
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from core.instruction_sets import INSTRUCTIONS, need
 from solver.kkt.kkt_problems import STRUCTURES, generic
 
 from stc.core import compiling
@@ -26,14 +27,10 @@ def test_fuzz_under_sanitizers(tmp_path):
     compiler = compiling.own_compiler()
     if compiler is None:
         pytest.skip("there is no C compiler")
-    sources = [str(path) for path in sorted(compiling.FOLDER.glob("*.c")) if path.name != compiling.NUMERIC]
-    numeric = [
-        str(compiling.FOLDER / compiling.NUMERIC),
-        "-DNUMERIC=numeric_baseline",
-        '-DNUMERIC_NAME="baseline"',
-    ]
+    sources = [str(path) for path in sorted(compiling.FOLDER.rglob("*.c"))]
     program = tmp_path / "fuzz"
-    command = [*compiler, "-std=c11", *SANITIZERS, "-Wno-unknown-pragmas", f"-I{compiling.FOLDER}", *numeric]
+    options = ["-Wno-unknown-pragmas", f"-I{compiling.FOLDER}", "-pthread"]
+    command = [*compiler, "-std=c11", *SANITIZERS, *options]
     made = subprocess.run(
         [*command, *sources, str(HERE / "fuzz.c"), "-o", str(program), "-lm"], capture_output=True, text=True
     )
@@ -45,25 +42,45 @@ def test_fuzz_under_sanitizers(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("name", ["baseline", "avx2", "avx512"])
-def test_instruction_sets(name):
+@pytest.mark.slow
+def test_solves_under_sanitizers(tmp_path):
+    """All families of systems, and a whole solve: no access outside an array, and nothing that is undefined."""
+    compiler = compiling.own_compiler()
+    if compiler is None:
+        pytest.skip("there is no C compiler")
+    found = subprocess.run([*compiler, "-print-file-name=libasan.so"], capture_output=True, text=True)
+    if not Path(found.stdout.strip()).is_absolute():
+        pytest.skip("the C compiler has no sanitizers that can be loaded")
+    flags = [*SANITIZERS, "-fno-sanitize=alignment"]
+    compiling.compile_libraries(tmp_path / "made", tmp_path / "scratch", flags, ["baseline"])
+    environment = {
+        **os.environ,
+        "LD_PRELOAD": found.stdout.strip(),
+        "ASAN_OPTIONS": "detect_leaks=0",
+        "PYTHONMALLOC": "malloc",  # so that the ends of arrays are known
+        "PYTHONPATH": str(HERE.parent),
+        "STC_BACKEND": "python",
+    }
+    script = [sys.executable, str(HERE / "under_sanitizers.py"), str(tmp_path / "made")]
+    done = subprocess.run(script, capture_output=True, text=True, env=environment, cwd=HERE.parent)
+    assert done.returncode == 0, done.stdout + done.stderr[-8000:]
+
+
+@pytest.mark.parametrize("name", INSTRUCTIONS)
+def test_instruction_sets(monkeypatch, name):
     """Each one solves the same system as dense algebra does."""
-    library = core.library()
-    before = library.kkt_instructions()
-    if library.kkt_use(name.encode()):
-        pytest.skip(f"{platform.machine()} without {name}")
-    try:
-        for seed, structure in enumerate(STRUCTURES.values()):
-            rng = np.random.default_rng(seed)
-            pattern = structure(rng, 12)
-            values = generic(rng, pattern)
-            one, judge = MultifrontalKKT(*pattern.arguments()), DenseKKT(*pattern.arguments())
-            assert one.factorize(*values.arguments()) == judge.factorize(*values.arguments())
-            rhs = rng.normal(size=pattern.n), rng.normal(size=pattern.m)
-            found, expected = (np.concatenate(kkt.solve(*rhs)) for kkt in (one, judge))
-            np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
-    finally:
-        assert library.kkt_use(before) == 0
+    need(name)
+    loaded = core.library(name)
+    monkeypatch.setattr(core, "library", lambda: loaded)
+    for seed, structure in enumerate(STRUCTURES.values()):
+        rng = np.random.default_rng(seed)
+        pattern = structure(rng, 12)
+        values = generic(rng, pattern)
+        one, judge = MultifrontalKKT(*pattern.arguments()), DenseKKT(*pattern.arguments())
+        assert one.factorize(*values.arguments()) == judge.factorize(*values.arguments())
+        rhs = rng.normal(size=pattern.n), rng.normal(size=pattern.m)
+        found, expected = (np.concatenate(kkt.solve(*rhs)) for kkt in (one, judge))
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
 def test_long_horizons():
@@ -82,8 +99,17 @@ def test_long_horizons():
     assert entries[1] < 12 * entries[0]
 
 
+def test_sources_are_looked_at_where_one_is_younger_than_the_library(tmp_path, monkeypatch):
+    monkeypatch.setattr(core, "FOLDER", str(tmp_path))
+    for number, name in enumerate(("kkt.c", "library.so", "other.py", "kkt.h")):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (number, number))
+        assert name == "kkt.c" or core._may_be_stale(str(tmp_path / "library.so")) == (name == "kkt.h")
+
+
 def test_old_library(monkeypatch):
     monkeypatch.setattr(compiling, "digest_of_sources", lambda: "another one")
+    monkeypatch.setattr(core, "_may_be_stale", lambda _: True)
     core.library.cache_clear()
     with pytest.raises(StcError, match=r"older than its sources: .*compiling.py"):
         core.library()

@@ -278,8 +278,8 @@ def test_standard_errors_are_printed_and_recorded(tmp_path: Path, capsys: pytest
 @pytest.mark.parametrize(
     ("objective", "reason"),
     [
-        ("[d]: (a + b*d.x - d.y)^2; [0]: a^2;", "`a^2` is no square on the rows"),
-        ("[d]: exp(a + b*d.x - d.y) - a;", "is no square on the rows"),
+        ("[d]: (a + b*d.x - d.y)^2; [0]: a^2;", "`a^2` is not a square on the rows"),
+        ("[d]: exp(a + b*d.x - d.y) - a;", "is not a square on the rows"),
         ("[few]: (a + b*few.x - few.y)^2;", "2 residuals for 2 unknowns"),
     ],
 )

@@ -101,7 +101,7 @@ def test_a_soft_landing_needs_no_impulse() -> None:
         ("[0, na]: sole at 0;", "[0, na]: sol at 0;", "there is no contact `sol`"),
         ("[0, na]: sole at 0;", "[0, nb]: sole at 0;", "with no frames between"),
         ("[0, na]: sole at 0;\n  [nb, n]: sole at D;", "", "stands nowhere"),
-        ("method: trapezoidal", "method: central", "knows no jumps"),
+        ("method: trapezoidal", "method: central", "does not support jumps"),
         ("friction = 0.5", "friction = -D", "`friction` is -0.3"),
         ("half = 0.1", "half = 1/0", "division by zero"),
     ],

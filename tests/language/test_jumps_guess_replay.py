@@ -25,7 +25,7 @@ def test_what_cannot_jump(text: str) -> None:
 
 
 def test_central_differences_know_no_jumps() -> None:
-    message = "the method `central` knows no jumps"
+    message = "the method `central` does not support jumps"
     assert messages_of(JUMPS.format("central", "[3]: u; [4]: u;")) == [message]
     assert messages_of(JUMPS.format("trapezoidal", "[3]: u;"), "central") == [message]
     assert messages_of(JUMPS.format("central", "[3]: u;"), "hermite-simpson") == []

@@ -116,5 +116,5 @@ def test_contradictory_bounds_are_no_mistake() -> None:
 
 def test_a_constraint_without_an_unknown_is_kept_and_warned_about() -> None:
     text = f"{NAMES} constraints: x = y*T; hi >= 1; lo + 1;"
-    assert warnings_of(text) == ["this constraint holds no unknown"] * 2
+    assert warnings_of(text) == ["this constraint contains no unknown"] * 2
     assert [str(r.text) for r in problem_of(text).relations] == ["x = y*T", "hi >= 1", "lo + 1"]

@@ -61,7 +61,7 @@ def test_shipped_models(name: str) -> None:
     check(path)
 
 
-@pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install 'stc[dev]'")
+@pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install '.[dev]'")
 @pytest.mark.parametrize("name", OF_GYMNASIUM)
 def test_models_of_gymnasium(name: str) -> None:
     """As of the models that ship; the swimmer's fluid is left out on both sides."""
@@ -84,7 +84,7 @@ def test_models_of_dm_control(name: str) -> None:
     check(path)
 
 
-@pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install 'stc[dev]'")
+@pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install '.[dev]'")
 def test_fluid_is_refused_with_its_line() -> None:
     """The message names what is in the way and where it stands; a word leaves it out."""
     assert GYMNASIUM is not None

@@ -68,7 +68,7 @@ def test_angular_momentum_does_not_depend_on_where_a_free_body_is() -> None:
 def test_nothing_with_mass_has_no_centre() -> None:
     """Asking for it is a mistake, not a division by 0."""
     both = Compared('<mujoco><worldbody><body name="b"/></worldbody></mujoco>', states=1)
-    with pytest.raises(ValueError, match="no mass"):
+    with pytest.raises(ValueError, match="without mass"):
         both.dynamics.centre_of_mass(1)
 
 

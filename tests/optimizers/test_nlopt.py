@@ -91,8 +91,8 @@ def test_a_motion_is_the_same_as_ours() -> None:
         ("nlopt:slsqp", "constants: n=0; variables: x, y; x*y=1; x=y; x+y=2;", "no more equations than unknowns"),
         ("nlopt:slsq", BOWL, "did you mean `nlopt:slsqp`"),
         ("slsqp", BOWL, "did you mean `nlopt:slsqp`"),
-        ("nlopt:slsqp:lbfgs", BOWL, "hands nothing to another"),
-        ("nlopt:auglag:direct", BOWL, "no local algorithm"),
+        ("nlopt:slsqp:lbfgs", BOWL, "does not use another algorithm"),
+        ("nlopt:auglag:direct", BOWL, "is not a local algorithm"),
         ("nonsense", BOWL, "the optimizers are sqp"),
     ],
 )  # fmt: skip

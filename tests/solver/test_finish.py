@@ -7,10 +7,11 @@ import pytest
 from symbolic_program import INF, SymbolicProgram
 
 from stc.solver import Options, active_set
-from stc.solver.active_set import NEAR, RETREAT, Finish
+from stc.solver.active_set import NEAR, Finish
 from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.monitor import Monitor
+from stc.solver.projection_kernels import CONTRACTION
 from stc.solver.scaled_problem import ScaledProblem
 
 
@@ -33,7 +34,7 @@ def test_it_waits_longer_after_every_attempt_in_vain(monkeypatch):
     for power in (1, 2, 3):
         assert finish.is_due(error)
         assert finish.attempt(it, error) is None
-        assert finish.threshold == pytest.approx(RETREAT**power * error)
+        assert finish.threshold == pytest.approx(CONTRACTION**power * error)
         error = finish.threshold
 
 

@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from scaled_program import dense, inside, program, scaled
 from symbolic_program import INF, SymbolicProgram
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.solver import Options
 from stc.solver.active_set import project
+from stc.solver.curvature import largest_step
 from stc.solver.elastic import ElasticKKT, ElasticProblem
-from stc.solver.globalization import Filter, largest_step
+from stc.solver.filter import Filter
 from stc.solver.iterate import errors_of, evaluate
 from stc.solver.kkt import DenseKKT, structured_kkt
 from stc.solver.kkt.contract import Inertia

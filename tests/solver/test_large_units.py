@@ -9,7 +9,8 @@ from quadratic_program import Quadratic
 import stc
 from stc.solver import minimize
 
-#: A stage of two links: lengths in ``L`` to the metre, times in ``S`` to the second.
+#: A stage of two links: lengths in ``L`` to the metre, times in ``S`` to the second. Its angles have limits: without
+#: them it has another optimum, the other way round.
 STAGE = """
 constants: n = 60, L = LENGTH, S = TIME, g = 9.81*L/S^2, m1 = 12, m2 = 16, l1 = 0.032*L, l2 = 0.053*L, T = 0.107*S,
            most = 85*L^2/S^2;
@@ -19,7 +20,7 @@ definitions: h = T/n; x1 = l1/2*cos(a); z1 = l1/2*sin(a); x2 = l1*cos(a) + l2/2*
 lagrangian: m1/2*(x1'^2 + z1'^2) + m1*l1^2/24*a'^2 + m2/2*(x2'^2 + z2'^2) + m2*l2^2/24*b'^2 - g*(m1*z1 + m2*z2);
 forces: a: u - v; b: v;
 constraints:
-  [0, n]: -most <= u <= most; -most <= v <= most;
+  [0, n]: -most <= u <= most; -most <= v <= most; -0.4 <= a <= 1.4; -0.4 <= b <= 1.4;
   [0]: a = -0.22; b = -0.01; a'; b';
   [n]: a = 1.17; b = 1.05; a'; b';
 objective: [0, n]: integral(u^2 + v^2);

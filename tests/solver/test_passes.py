@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scaled_program import dense, inside, scaled
 
 from stc.solver import kernels, state, step_kernels
-from stc.solver.globalization import largest_step
+from stc.solver.curvature import largest_step
 from stc.solver.iterate import errors_of, evaluate
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
@@ -183,5 +183,5 @@ def test_the_centring_parameter_leaves_the_smallest_error(gaps, short):
         errors.append((1 - b) ** 2 * 0.3 / 11.0 + (1 - a) ** 2 * 0.2 / 7.0 + products @ products / gaps)
         reaches.append(a)
     best = int(np.argmin(errors))
-    expected = grid[best] if reaches[best] >= short else max(grid[best], step_kernels.CENTRED)
+    expected = grid[best] if reaches[best] >= short else max(grid[best], 1.0)
     assert s[state.SIGMA] == expected

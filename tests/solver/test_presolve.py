@@ -127,10 +127,8 @@ def test_another_start_is_asked_for_in_terms_of_the_whole() -> None:
     assert none(7) == (None, 7)
 
 
-@pytest.mark.parametrize("backend", ["auto", "python"])
-def test_evaluators_of_what_is_left(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_evaluators_of_what_is_left() -> None:
     """Against the whole program's numbers, picked and scaled in NumPy; whatever was evaluated in between."""
-    monkeypatch.setenv("STC_BACKEND", backend)
     program = standing()
     less = presolved(program)
     assert less is not None

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scaled_program import dense, scaled
 
-from stc.solver.active_set_system import FIRM, FIRMER, LOOSE, SOFT, factorize_restricted
+from stc.solver.active_set_system import factorize_restricted
 from stc.solver.kkt.contract import Inertia
+from stc.solver.products import NOTHING
 from stc.solver.projection import Projection
 
 
@@ -43,9 +44,9 @@ def test_the_system_on_an_active_set(active: str, seed: int) -> None:
     assert point._largest[0] == np.abs(hess).max(initial=0.0)
 
     # What is held and left out nearly moves hardly, and the others as if it did not at all.
-    firm = max(FIRM, FIRMER * point._largest[0])
+    firm = max(1.0, point._largest[0]) / NOTHING
     point._diagonals.write(0.0, 0.0, firm)
-    assert np.all(kkt.dual == np.where(met, np.where(form.equality, 0.0, SOFT), LOOSE))
+    assert np.all(kkt.dual == np.where(met, np.where(form.equality, 0.0, NOTHING), 1.0 / NOTHING))
     point._diagonals.write(1e-3, 1e-3, firm)
     assert np.all(kkt.primal == np.where(free, 1e-3, np.where(form.held, 1.0, firm)))
     matrix = np.block([[hess + np.diag(kkt.primal), jac.T], [jac, -np.diag(kkt.dual)]])

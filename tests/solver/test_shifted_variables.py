@@ -107,7 +107,7 @@ def _shifted(seed: int, by: float) -> Quadratic:
 
 
 @pytest.mark.parametrize("seed", range(20))
-@pytest.mark.parametrize("by", [1e5, 1e6])
+@pytest.mark.parametrize("by", [1e5, 3e5])
 def test_quadratic_programs_do_not_depend_on_the_origin(seed: int, by: float) -> None:
     """The objective is as large as the constant makes it, so that a millionth of it would be much near the origin."""
     near, far = _shifted(seed, 0.0), _shifted(seed, by)

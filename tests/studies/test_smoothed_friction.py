@@ -50,7 +50,7 @@ def judged(tmp_path):
 def test_smoothed_friction_is_called_that_and_the_damping_right(judged, name, goal):
     certificate = judged(SMOOTHED[name].format(F=0.2), goal=goal)
     assert not certificate.passed
-    assert certificate.headline.startswith("joint q: dry friction is smoothed in the spec: 0.2 from")
+    assert certificate.headline.startswith("joint q: dry friction is smoothed in the spec: 0.2 above")
     assert "the damping is right, 0.1" in certificate.headline
     assert not any(
         "damping by" in finding or "model, beginning" in finding for finding in certificate.findings
@@ -58,7 +58,7 @@ def test_smoothed_friction_is_called_that_and_the_damping_right(judged, name, go
     # Advice as a person would take it: the number that it tells, against the way that it tells.
     (step,) = certificate.next_steps
     told = re.search(
-        r"slides (forwards|backwards) all along: write the dry friction of that, ([\d.]+) against", step
+        r"slides (forwards|backwards) throughout: write a constant dry friction, ([\d.]+) against", step
     )
     sign = "" if told[1] == "forwards" else "-"
     assert judged(f"({sign}{told[2]})", goal=goal).passed
@@ -66,14 +66,14 @@ def test_smoothed_friction_is_called_that_and_the_damping_right(judged, name, go
 
 def test_a_speed_is_told_from_which_on_the_friction_is_whole(judged):
     headline = judged("0.2*tanh(50*q')").headline
-    speed = float(re.search(r"from ([\d.]+) rad/s on", headline)[1])
+    speed = float(re.search(r"above ([\d.]+) rad/s", headline)[1])
     assert speed == pytest.approx(0.0529, rel=0.05)  # tanh(50 v) = 0.99
 
 
 def test_friction_of_another_size_is_told_with_both(judged):
     certificate = judged("0.3*tanh(50*q')")
-    assert "smoothed in the spec: 0.3 from" in certificate.headline and "model 0.2" in certificate.headline
-    assert "0.2 against its way" in certificate.next_steps[0]
+    assert "smoothed in the spec: 0.3 above" in certificate.headline and "model 0.2" in certificate.headline
+    assert "0.2 against its velocity" in certificate.next_steps[0]
 
 
 def test_damping_that_is_wrong_too_is_told_of(judged):

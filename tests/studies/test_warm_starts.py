@@ -96,7 +96,7 @@ def is_ground_motion(name):
 def neighbours(solution):
     structural = solution.origin.problem(solution.method).structural
     for name, value in solution.constants.items():
-        # A whole turn is no number to change: a foot that lands tilted does not stand.
+        # A whole turn is not a number to change: a foot that lands tilted does not stand.
         if name not in structural and name != "turn" and value and np.isfinite(value):
             yield name, 1.01 * value
 

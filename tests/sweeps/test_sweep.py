@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ended_processes import die, die_once
 
 import stc
-from stc.sweeps.workers import WorkerError, Workers, can_share
+from stc.workers import WorkerError, Workers, can_share
 
 needs_joblib = pytest.mark.skipif(not can_share(), reason="joblib is not installed")
 
@@ -115,7 +116,7 @@ def test_a_folder_holds_one_sweep(tmp_path: Path, change: dict[str, Any], what: 
 
 
 def test_a_folder_of_other_files_is_left_alone(tmp_path: Path) -> None:
-    with pytest.raises(stc.UsageError, match="is no folder of a sweep, and not empty"):
+    with pytest.raises(stc.UsageError, match="is not a folder of a sweep, and not empty"):
         stc.sweep(push(tmp_path), {"D": [1.0]}, tmp_path, workers=1)
     stc.sweep(tmp_path / "push.stc", {"D": [1.0]}, tmp_path / "found", workers=1)
     (tmp_path / "found" / "points" / "0.json").write_text("{")
@@ -135,22 +136,36 @@ def test_mistakes_are_told_before_any_work(tmp_path: Path) -> None:
 
 
 def test_without_joblib_there_is_one_worker(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stc.sweeps.workers.can_share", lambda: False)
+    monkeypatch.setattr("stc.workers.can_share", lambda: False)
     with Workers() as alone:
         assert list(alone.results(abs, [-1, 2])) == [1, 2]
     with pytest.raises(stc.UsageError, match="2 workers need joblib, which is not installed"):
         Workers(2)
 
 
-def die(_: int) -> int:
-    os.kill(os.getpid(), signal.SIGKILL)
-    return 0
+@needs_joblib
+@pytest.mark.slow
+def test_tasks_of_workers_that_are_killed_are_done_by_others(tmp_path: Path) -> None:
+    with Workers(2) as both:
+        marks = [str(tmp_path / str(number)) for number in range(5)]
+        assert list(both.in_order(die_once, marks)) == [0, 1, 2, 3, 4]
+        assert sorted(both.results(abs, range(-4, 0))) == [1, 2, 3, 4]
 
 
 @needs_joblib
 @pytest.mark.slow
-def test_a_worker_that_is_killed_is_told_of() -> None:
-    with Workers(2) as both, pytest.raises(WorkerError, match="a worker process was ended from outside"):
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # joblib ends its workers
+def test_who_has_had_enough_is_not_warned() -> None:
+    with Workers(2) as both:
+        results = both.results(abs, range(-50, 0))
+        assert 1 <= next(results) <= 50
+        results.close()
+
+
+@needs_joblib
+@pytest.mark.slow
+def test_workers_that_are_killed_again_and_again_are_told_of() -> None:
+    with Workers(2) as both, pytest.raises(WorkerError, match="worker processes were ended from outside"):
         list(both.results(die, range(4)))
 
 
@@ -213,34 +228,6 @@ def _alive(group: int) -> bool:
     except ProcessLookupError:
         return False
     return True
-
-
-@pytest.mark.nightly
-def test_a_cluster_that_loses_a_worker_finds_the_same(tmp_path: Path) -> None:
-    """A Dask cluster of two processes on this machine, one of which is killed on the way."""
-    distributed = pytest.importorskip("distributed")
-    import joblib
-
-    spec, axes = push(tmp_path), {"D": np.linspace(0.2, 2.0, 31), "m": [1.0, 2.0]}
-    alone = stc.sweep(spec, axes, tmp_path / "alone", workers=1)
-    killed: list[int] = []
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster) as client,
-        joblib.parallel_config(backend="dask"),
-    ):
-        processes = list(client.run(os.getpid).values())
-        assert len(set(processes)) == 2
-
-        def kill_one(found: Any, _: Any) -> None:
-            if len(found.facts) >= 10 and not killed:
-                killed.append(processes[0])
-                os.kill(processes[0], signal.SIGKILL)
-
-        shared = stc.sweep(spec, axes, tmp_path / "shared", on_point=kill_one)
-    assert killed and shared.good and shared.facts == alone.facts
 
 
 @pytest.fixture

@@ -79,7 +79,7 @@ def test_limits_can_be_set_by_name(solve_spec: Callable[..., Solution]) -> None:
     assert assert_physical(coarse, limits=dict.fromkeys(names - {"inverse-dynamics residual"}))
     with pytest.raises(UsageError, match="did you mean `open-loop drift, "):
         assert_physical(solution, limits={"openloop drift": 1.0})
-    with pytest.raises(UsageError, match="the limit of `open-loop drift` is no number"):
+    with pytest.raises(UsageError, match="the limit of `open-loop drift` is not a number"):
         assert_physical(solution, limits={"open-loop drift": float("nan")})
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import stc
 from stc.codegen import threads
-from stc.codegen.calls import Bound, chain
+from stc.core.calls import Bound, chain
 from stc.errors import Source
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
@@ -173,10 +173,9 @@ def test_calls_are_counted():
     assert (nlp.evaluations, nlp.derivative_evaluations) == (4, 1)
 
 
-@pytest.mark.parametrize("backend", ["auto", "python"])
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(1, 3 * FEW), min_size=1, max_size=12), st.integers(0, 2**31))
-def test_outputs_add_up_to_entries(backend, counts, seed):
+def test_outputs_add_up_to_entries(counts, seed):
     rng = np.random.default_rng(seed)
     start = np.concatenate([[0], np.cumsum(counts)])
     size = int(start[-1]) + 5
@@ -186,19 +185,16 @@ def test_outputs_add_up_to_entries(backend, counts, seed):
     factor = np.ones(size)
     factor[doubled] = 2.0
     expected = [float((buffer * factor)[source[a:b]].sum()) for a, b in pairwise(start)]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STC_BACKEND", backend)
-        out, scale = np.zeros(len(counts)), np.exp2(rng.integers(-2, 3, len(counts)))
-        first = source[start[:-1]].astype(np.int32)
-        calls: list[Bound] = Folding.of(start, source, doubled).bind(buffer)
-        chain([*calls, *Copying.of(first).bind(buffer, scale, out, np.zeros(1))])()
+    out, scale = np.zeros(len(counts)), np.exp2(rng.integers(-2, 3, len(counts)))
+    first = source[start[:-1]].astype(np.int32)
+    calls: list[Bound] = Folding.of(start, source, doubled).bind(buffer)
+    chain([*calls, *Copying.of(first).bind(buffer, scale, out, np.zeros(1))])()
     assert out.tolist() == (scale * expected).tolist()
 
 
-@pytest.mark.parametrize("backend", ["auto", "python"])
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(1, 3 * RUN), max_size=8), st.booleans(), st.integers(0, 2**31))
-def test_numbers_go_to_their_places_in_runs_or_one_by_one(backend, lengths, alike, seed):
+def test_numbers_go_to_their_places_in_runs_or_one_by_one(lengths, alike, seed):
     rng = np.random.default_rng(seed)
     size = int(sum(lengths)) + 10 * len(lengths) + 1
 
@@ -212,18 +208,15 @@ def test_numbers_go_to_their_places_in_runs_or_one_by_one(backend, lengths, alik
     buffer, out, status = rng.standard_normal(size), np.full(size, 7.0), np.zeros(1)
     expected = out.copy()
     expected[at] = scale * buffer[source]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STC_BACKEND", backend)
+    for call in Copying.of(source, at).bind(buffer, scale, out, status):
+        call()
+    np.testing.assert_array_equal(out, expected)
+    assert status[0] == 0.0
+    if len(source):
+        buffer[source[rng.integers(len(source))]] = np.inf
         for call in Copying.of(source, at).bind(buffer, scale, out, status):
-            assert call.native == (backend == "auto")
             call()
-        np.testing.assert_array_equal(out, expected)
-        assert status[0] == 0.0
-        if len(source):
-            buffer[source[rng.integers(len(source))]] = np.inf
-            for call in Copying.of(source, at).bind(buffer, scale, out, status):
-                call()
-            assert np.isnan(status[0])
+        assert np.isnan(status[0])
 
 
 def test_long_sums_are_accurate():

@@ -72,7 +72,7 @@ def test_no_solution_is_claimed_where_several_parameters_turn_time_back(h: str) 
     text = runaway(h).replace("parameters: T", "parameters: T, S").replace("guess: T", "guess: S = 0; T")
     solution = stc.load(text).solve()
     assert solution.status == "failed"
-    assert "steps are positive" in solution.message
+    assert "steps must be positive" in solution.message
     assert "`T` and `S`" in solution.message
     forward = stc.load(text.replace("x = 3.0", "x = -3.0")).solve()
     assert forward.status == "optimal"

@@ -30,8 +30,8 @@ def refused(statement: str, head: str = HEAD) -> stc.EvaluationError:
         ("sin(x)/z = 2", {"z": 0.0}, "it divides by zero, so that no guess helps"),
         ("x <= z/z", {"z": 0.0}, "it divides by zero"),
         ("sqrt(-a)*sin(x) = 1", {"a": 1e300}, "no real number"),
-        ("x = lim", {"lim": float("inf")}, "`inf` is no number"),
-        ("sin(x) >= lim", {"lim": float("inf")}, "`inf` is no number"),
+        ("x = lim", {"lim": float("inf")}, "`inf` is not a number"),
+        ("sin(x) >= lim", {"lim": float("inf")}, "`inf` is not a number"),
     ],
 )
 def test_constants_without_a_value_are_an_error(statement: str, values: dict[str, float], hint: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stc.codegen.calls import chain
+from stc.core.calls import chain
 from stc.errors import Source
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse

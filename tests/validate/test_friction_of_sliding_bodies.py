@@ -101,7 +101,7 @@ def test_a_slide_off_the_axes_needs_a_round_cone(tmp_path: Path, cone: str) -> N
     assert certificate.passed is (cone == "elliptic"), certificate.headline
     if not certificate.passed:
         (step,) = certificate.next_steps
-        assert step.endswith('give the model <option cone="elliptic"/>, whose friction is against the way')
+        assert step.endswith('give the model <option cone="elliptic"/>, whose friction opposes the velocity')
 
 
 #: The floor's force goes from 5*m*g at the frames to -m*g at the midpoints: it is m*g in the mean.
@@ -129,7 +129,7 @@ def test_no_floor_pulls_at_any_node(tmp_path: Path, spec: str, method: str, shar
     assert row(certificate, "contact force that no contact gives").value == pytest.approx(
         share, rel=1e-6
     ) or (method == "trapezoidal")
-    assert certificate.next_steps[0].startswith("state that the contact force presses")
+    assert certificate.next_steps[0].startswith("state that the contact force pushes")
 
 
 WHEEL = """<mujoco><option gravity="0 0 -9.81" cone="elliptic"/><worldbody>
@@ -176,5 +176,5 @@ def test_lines_that_nothing_gives_are_named(tmp_path: Path) -> None:
         tmp_path, spec.replace("joint z = z", "joint z = 1 + z"), 8, 0.4, "trapezoidal"
     ).next_steps
     assert step.startswith(
-        "contact joint.z acts where nothing touches, so that nothing in the model gives it"
+        "contact joint.z acts where nothing touches, so that nothing in the model supplies its force"
     )

@@ -62,7 +62,7 @@ def test_a_torque_that_no_floor_gives_is_found(tmp_path: Path) -> None:
 def test_until_verified_does_not_believe_it_either(tmp_path: Path) -> None:
     found = solve_until_verified(stc.load(ball(tmp_path, 0.01)), 1e-3)
     assert not found.verified
-    assert found.message.startswith("MuJoCo's own contacts leave joint pitch 0.21 away")
+    assert found.message.startswith("with MuJoCo's own contacts joint pitch is 0.21 away")
 
 
 def test_a_ball_at_rest_passes_and_has_no_empty_rows(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_feedback_does_not_verify_what_no_contact_gives(tmp_path: Path, top: flo
     (tmp_path / "slider.stc").write_text(SLIDER.format(top=top))
     found = solve_until_verified(stc.load(tmp_path / "slider.stc"), 1e-3)
     assert found.verified is verified, found.message
-    assert verified or found.message.startswith("MuJoCo's own contacts leave joint y")
+    assert verified or found.message.startswith("with MuJoCo's own contacts joint y is")
 
 
 #: More sites than joints, as an index among the sites is no index among the joints.

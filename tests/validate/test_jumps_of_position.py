@@ -1,4 +1,4 @@
-"""A body that is set aside at a frame is no motion, however little it is and whatever the limits of a drift."""
+"""A body that is set aside at a frame is not a motion, however little it is and whatever the limits of a drift."""
 
 from __future__ import annotations
 

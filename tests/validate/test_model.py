@@ -148,15 +148,15 @@ WRONG_LINES = [
     (line("set joint.x.lower.x", 1), "lower has no parts"),
     (line("set option.gravty.z", 1), r"no such option; did you mean gravity\?"),
     (line("set option", 1), "no such option"),
-    (line("set wind.x", 1), "wind is nothing to set; known: option, body"),
+    (line("set wind.x", 1), "wind cannot be set; known: option, body"),
     (line("set option.density", Channel.smooth(TIME)), "the value changes along the motion"),
     (line("set body.particle.mass", 2), "set body.particle.mass stands in the replay section twice"),
     (line("compare site.trial.x"), r"no site trial; did you mean trail\?"),
     (line("compare site.trail.w"), r"end the path in one of \.x, \.y, \.z, \.vx"),
     (line("compare com.particle.wx"), r"end the path in one of \.x, \.y, \.z, \.vx, \.vy, \.vz$"),
-    (line("compare light.sun"), "light is nothing to compare; known: joint"),
+    (line("compare light.sun"), "light cannot be compared; known: joint"),
     (line("compare site"), "the name of the site is missing"),
-    (line("compare joint.x.force"), r"a joint has its position and \.velocity, no \.force"),
+    (line("compare joint.x.force"), r"a joint has its position and \.velocity, but no \.force"),
     (line("compare sensor.none"), "the model has no sensor none$"),
 ]
 
@@ -178,7 +178,7 @@ def test_joints_with_several_coordinates_and_unknown_velocities(tmp_path: Path) 
     with pytest.raises(ModelError, match="joint b: a ball joint has several coordinates"):
         validate(solution)
     bare = ReplayChannel("joint", ("x",), ZERO)
-    with pytest.raises(ModelError, match="does not know how fast it moves"):
+    with pytest.raises(ModelError, match="has no velocity for it at the start"):
         validate(solution_of("trapezoidal", TIME, {("x", 0): ZERO}, [bare]))
 
 
@@ -246,7 +246,7 @@ def test_a_model_that_has_changed_since_is_told_of(tmp_path: Path) -> None:
     (tmp_path / "mine.xml").unlink()
     report = validate(path)
     assert report.passed
-    assert "there is no model mine.xml here: the one that the solution carries is replayed" in report.notes
+    assert "there is no model mine.xml here: the one stored in the solution is replayed" in report.notes
 
 
 def test_files_that_are_no_models_are_refused(tmp_path: Path) -> None:
@@ -303,7 +303,7 @@ def test_what_the_spec_leaves_out_is_noted(tmp_path: Path) -> None:
     solution = smooth_particle("trapezoidal", TIME, x, y)
     solution.replay = [line for line in solution.replay if line.name not in ("fz", "z")]
     notes = " / ".join(validate(solution, model=model).notes)
-    assert "joints not tied to the spec start at rest where the model has them: z" in notes
+    assert "joints without a `joint` line start at rest in the model's initial position: z" in notes
     assert "actuators not driven by the spec get the control 0: fz" in notes
     assert "the model clamps the control of fx" in notes
     assert not validate(spline(), model=model).passed

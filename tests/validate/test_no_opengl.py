@@ -57,9 +57,13 @@ def motion() -> Solution:
 @pytest.mark.parametrize(
     ("before", "asked", "told"),
     [
-        (WITHOUT_LIBRARIES, None, "no OpenGL to render with (egl: libEGL.so.1"),
-        (WITHOUT_LIBRARIES, "osmesa", "no OpenGL to render with (osmesa: libOSMesa.so.8"),
-        ("", "glfw", "no OpenGL to render with (glfw: no window can be opened"),
+        (WITHOUT_LIBRARIES, None, "rendering needs OpenGL, which is not available (egl: libEGL.so.1"),
+        (
+            WITHOUT_LIBRARIES,
+            "osmesa",
+            "rendering needs OpenGL, which is not available (osmesa: libOSMesa.so.8",
+        ),
+        ("", "glfw", "rendering needs OpenGL, which is not available (glfw: no window can be opened"),
         ("", "off", "rendering is switched off: MUJOCO_GL says so"),
     ],
     ids=["nothing", "osmesa", "glfw", "off"],

@@ -81,7 +81,7 @@ def test_the_command_reports_the_envelope(
     assert run(["validate", path, "--robustness", "--samples", "1"]) == 0
     assert "perturbed replays with feedback, seed 0" in capsys.readouterr().out
     assert run(["validate", path, "--robustness", "--order"]) == 2
-    assert "--robustness goes without" in capsys.readouterr().err
+    assert "--robustness cannot be combined with" in capsys.readouterr().err
 
 
 def test_a_motion_that_nothing_holds_is_told_of(
@@ -99,7 +99,7 @@ def test_a_motion_that_nothing_holds_is_told_of(
     Path("balance.stc").write_text(text)
     words = ["validate", "balance.stc", "--set", "T=8", "--robustness", "--samples", "1"]
     assert run(words) == 1
-    told = "the motion is lost without any perturbation: motors hold their own joints"
+    told = "the motion is lost without any perturbation: each motor controls its own joint"
     assert capsys.readouterr().out.splitlines()[-1].startswith(f"failed: {told}")
     assert run([*words, "--json"]) == 1
     record = json.loads(capsys.readouterr().out.splitlines()[-1])

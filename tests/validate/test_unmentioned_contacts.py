@@ -110,5 +110,5 @@ def test_what_the_spec_does_not_move_may_touch_and_is_named_where_it_has_no_name
     ]
     setup = open_setup(solution_of("trapezoidal", time, {}, lines, model="cart.xml", directory=str(tmp_path)))
     assert run_replays(setup, tracked=False).touching == []
-    note = "joints not tied to the spec start at rest where the model has them: far, body3"
+    note = "joints without a `joint` line start at rest in the model's initial position: far, body3"
     assert note in setup.notes()

@@ -141,7 +141,7 @@ def test_the_newest_wish_counts():
         constants, overrides = start.constants, start.overrides
         asked = []
 
-        def resolve(self, constants, callback, time_limit):
+        def resolve(self, constants, **limits):
             self.asked.append(dict(constants))
             began.set()
             go_on.wait(10.0)

@@ -1,4 +1,4 @@
-"""The certificate of a motion: what was measured, against which limits, made by what, and how it looks.
+"""The certificate of a motion: its measurements with their limits, what produced them, and their presentation.
 
     from stc.validate.certificate import certify
 
@@ -6,9 +6,9 @@
     certificate.passed, certificate.headline
     certificate.write("luxo_poses.html")            # one page that needs nothing else
 
-The terminal's table, the page and the failures of the pytest assertions are three views of the same rows
-(:mod:`stc.validate.certificate.table`).  Where a motion fails, :mod:`stc.validate.certificate.blame` says in one line
-which joint and which term to look at.
+The table in the terminal, the page and the failures of the pytest assertions show the same rows
+(:mod:`stc.validate.certificate.table`).  If a motion fails, :mod:`stc.validate.certificate.blame` names the joint and
+the term that are most likely wrong, in one line.
 """
 
 from __future__ import annotations

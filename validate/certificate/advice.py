@@ -1,7 +1,7 @@
-"""What to do next about a motion that failed: one step for each kind of thing that is wrong, in a line.
+"""Advice for a motion that failed: one line for each kind of failure.
 
-As with the blame, causes come before effects: while equations of motion or forces are wrong, more frames cure nothing,
-so that nothing is said of them then.
+Causes come before effects: as long as equations of motion or forces are wrong, more frames do not help and are not
+suggested.
 """
 
 from __future__ import annotations
@@ -58,21 +58,21 @@ _TRUNCATION = (
 
 #: What is said of a body that slides without its friction, before it is said how much that has.
 FRICTION_STEP = (
-    "state the friction of the model where a body slides, all of it and against its way (-mu*N*v/|v|), or that it "
-    "stays or rolls where friction holds it"
+    "where a body slides, state the full friction of the model against its velocity (-mu*N*v/|v|); elsewhere state "
+    "that it stands or rolls"
 )
 
 #: What is said of equations of motion that differ from the model's.
 EQUATIONS_STEP = (
-    "make the spec's equations and the model the same, beginning with the term named first: mend one of them, or give "
-    "the model the spec's number with a `set` line under replay:"
+    "make the spec's equations and the model agree, beginning with the term named first: correct one of them, or give "
+    "the model the spec's number by a `set` line under replay:"
 )
 
 #: What comes before more frames where the residual is not judged.
 _UNJUDGED = (
-    "the inverse-dynamics residual is not judged here, so that wrong equations cannot be told from coarse frames: tie "
-    "the model's other joints where the spec knows them, or see with --order whether the drift falls as frames are "
-    "added; if it does not, the equations are wrong"
+    "the inverse-dynamics residual is not judged here, so that wrong equations and too few frames look the same: add "
+    "`joint` lines for the model's other joints, or check with --order whether the drift decreases with more frames; "
+    "if it does not, the equations are wrong"
 )
 
 
@@ -90,21 +90,21 @@ def next_steps(
     unjudged: bool = False,
     drift: str = "",
 ) -> list[str]:
-    """What to do about the metrics that failed, the first thing first; nothing where none did.
+    """Advice on the failed metrics, most important first; empty if none failed.
 
     Args:
         metrics: everything that was measured.
         compared: whether the spec's equations of motion were compared with the model's.
-        more_frames: how to take more frames, such as ``--set n=120``; "" where that cannot be said in a word.
-        causes: steps for what is known to be wrong besides measurements, which more frames would not cure either.
-        details: steps that say more than the one they begin with, and replace it.
-        contacts: steps for what is known of the model's contacts, where these give other forces than the solved ones.
-        swings: steps for forces that swing from node to node: as those of right motions may, they come last and where
-            contact forces are wrong or nothing else is.
-        refused: whether the equations cannot be compared, which a note tells the reason of.
-        clamped: whether the model cuts solved controls off, which explains a residual.
-        unjudged: whether the residual could not be judged, so that wrong equations look like coarse frames.
-        drift: the step for equalities that drift open; "" where those that are broken do not.
+        more_frames: options for more frames, such as ``--set n=120``; "" if there is no short form.
+        causes: advice on known faults that are not measurements and that more frames would not correct.
+        details: more detailed advice; each replaces the general advice with which it begins.
+        contacts: advice on the model's contacts, for the case that they give other forces than the solved ones.
+        swings: advice on forces that alternate from node to node; since those of right motions may do so too, it comes
+            last, and only if contact forces or nothing else is wrong.
+        refused: whether the equations cannot be compared (a note has the reason).
+        clamped: whether the model clamps solved controls, which explains a residual.
+        unjudged: whether the residual could not be judged, so that wrong equations and too few frames look the same.
+        drift: the advice on equalities that drift open; "" if the broken ones do not.
     """
     found: dict[str, None] = {}
     fine = _fine_enough(metrics)
@@ -133,7 +133,9 @@ def next_steps(
 
 
 def _explained(failed: Sequence[Metric], clamped: bool) -> tuple[str, ...]:
-    """Beginnings of the names of metrics that need no step of their own, as a step for something else cures them."""
+    """Beginnings of the names of metrics that need no advice of their own, because advice on another metric corrects
+    them.
+    """
     found = ["inverse-dynamics"] if clamped else []
     if _impulses_differ(failed):
         found.append("unexplained impulse")
@@ -152,11 +154,11 @@ def _fine_enough(metrics: Sequence[Metric]) -> bool:
 
 
 def _contacts(metric: Metric) -> str:
-    """A step for what the model's contacts do otherwise than the solved forces: finer frames do not change it."""
+    """Advice on the model's contacts if they differ from the solved forces; more frames do not change this."""
     if metric.name.startswith("feedback"):
         return (
             "with the solved contact forces the motion is right: the feedback works against contacts of the model that "
-            "give other forces, or more of them; look at both in the page of --report"
+            "give other forces, or more of them; compare both in the page of --report"
         )
     if metric.name.startswith("contact force") or "on the ground" in metric.name:
         return (
@@ -168,9 +170,10 @@ def _contacts(metric: Metric) -> str:
 
 
 def _impulses_differ(failed: Sequence[Metric]) -> bool:
-    """Whether equations of motion are wrong in what tells the impulse of a jump: its mass or the share of a force.
+    """Whether the equations of motion are wrong in the terms that determine the impulse of a jump: mass or a force's
+    share.
 
-    Wrong gravity, say, gives no impulse. Where no terms were compared any of them may be what is wrong.
+    Wrong gravity, for example, gives no impulse.  If the terms were not compared, any of them may be wrong.
     """
     wrong = [metric for metric in failed if metric.name.startswith(_EQUATIONS)]
     terms = [metric for metric in wrong if not metric.name.startswith("equations of motion")]
@@ -178,36 +181,36 @@ def _impulses_differ(failed: Sequence[Metric]) -> bool:
 
 
 def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
-    """A step for what is wrong with the statement itself, "" for metrics of another kind."""
+    """Advice on a wrong statement in the spec; "" for metrics of another kind."""
     name = metric.name
     if name.startswith(_SOLVER):
-        return "solve it more exactly: a smaller --tolerance, such as 1e-10"
+        return "solve with a smaller --tolerance, such as 1e-10"
     if name.startswith("jump of position"):
         return (
-            "state that the position does not jump, such as after(x) = before(x), or take it out of `jumps:`; where a "
-            "coordinate counts on from another turn, let the joint line have the angle without the jump"
+            "state that the position does not jump, such as after(x) = before(x), or remove it from `jumps:`; if a "
+            "coordinate is changed by whole turns at a frame, write the continuous angle in the joint line"
         )
     if name.startswith("equality broken"):
         return (
-            "make the joint lines under replay: satisfy the model's equality: look at signs and ratios, and at where "
-            "the model has its joints at zero"
+            "make the joint lines under replay: satisfy the model's equality: check signs, ratios, and the zero "
+            "positions of the model's joints"
         )
     if name.startswith(_EQUATIONS):
         return EQUATIONS_STEP
     if name.startswith("unexplained impulse, pulls"):
         return (
-            "state that an impulse presses and stays within the friction of the model: along the normal it is >= 0, "
-            "across it at most friction times that"
+            "state that an impulse pushes and stays within the friction of the model: its normal part is >= 0, "
+            "its tangential part at most friction times the normal part"
         )
     if name.startswith("unexplained impulse, no contact point"):
         return (
-            "let an impulse come from where the model touches: move the jump to the frame of the touch and the body "
-            "onto what it strikes, keep moments within what its contact points give, and at a joint's stop let the "
-            "impulse push away from it"
+            "an impulse needs a contact of the model: move the jump to the frame of the touchdown and the body onto "
+            "the surface, keep moments within what its contact points can give, and at the stop of a joint let the "
+            "impulse push away from the stop"
         )
     if name.startswith("unexplained impulse"):
         return (
-            "name the contact that gives the impulse with a `contact` line under replay:, or state that the velocity "
+            "name the contact that supplies the impulse in a `contact` line under replay:, or state that the velocity "
             "does not jump"
         )
     if name.startswith("inverse-dynamics"):
@@ -215,44 +218,44 @@ def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
             return ""
         if compared:
             return (
-                "the equations are right: check that the joint, actuator, apply and set lines under replay: name the "
-                "variables meant, then solve with a smaller --tolerance"
+                "the equations are right: check that the joint, actuator, apply and set lines under replay: have the "
+                "right variables, then solve with a smaller --tolerance"
             )
         if refused:
             return (
                 "check by hand the equations of motion, which cannot be compared with the model's here (the note says "
                 "why): masses and inertias, ratios and signs in the joint lines under replay:, and that its actuator "
-                "and apply lines name all that acts"
+                "and apply lines name all forces"
             )
         return (
             "check the forces: `--equations` compares the equations of motion term by term, and the "
-            "actuator and apply lines under replay: must name all that acts"
+            "actuator and apply lines under replay: must name all forces"
         )
     if name.startswith("contacts that the model"):
         return (
-            "hand over with `apply` lines under replay: what acts without a contact, as at a hand that holds a bar, or "
+            "use `apply` lines under replay: for forces without a contact, as at a hand that holds a bar, or "
             "give geoms of the model a contype and conaffinity with which they touch"
         )
     if name.startswith("contact force, solved one pulls"):
-        return "state that the contact force presses, f >= 0: no contact of the model pulls"
+        return "state that the contact force pushes, f >= 0: no contact of the model can pull"
     if name.startswith(_FIT):
         return (
-            "state what the contacts that touch in the solved pose can give, each of which presses: the centre of "
-            "pressure stays on the sole, -l*fz <= my <= l*fz, the force at every point is >= 0, and moments have the "
-            "arms of the forces; what needs no contact is handed over with an `apply` line"
+            "limit the forces to what the contacts in the solved pose can give: the centre of pressure is on the sole, "
+            "-l*fz <= my <= l*fz, the force at every point is >= 0, and moments have the lever arms of the forces; "
+            "use an `apply` line for a force that needs no contact"
         )
     if name.startswith("friction missing"):
         return FRICTION_STEP
     if name.startswith("friction used"):
         return (
-            "state less friction in the spec than the model has, or give the model more with "
+            "use less friction in the spec than the model has, or give the model more by "
             "`set geom.NAME.friction` under replay:"
         )
     return ""
 
 
 def cured_by_frames(metric: Metric) -> bool:
-    """Whether a measurement has what the steps between frames leave, so that more frames may cure it."""
+    """Whether more frames can reduce a measurement, because it contains a truncation error."""
     return _on_ground(metric) or metric.name.startswith((*_STEP, "equality broken"))
 
 
@@ -261,11 +264,11 @@ def _on_ground(metric: Metric) -> bool:
 
 
 def _effect(metric: Metric, more_frames: str) -> str:
-    """A step for what finer frames may cure."""
+    """Advice on measurements that more frames can reduce."""
     if metric.name.startswith("order of convergence"):
         return (
-            "look for what is not smooth: limits that become active within a step, jumps, guesses that lead to another "
-            "motion with more frames"
+            "look for causes that are not smooth: limits that become active within a step, jumps, guesses that lead to "
+            "another motion with more frames"
         )
     if not cured_by_frames(metric):
         return ""

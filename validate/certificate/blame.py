@@ -1,8 +1,8 @@
-"""One line that says what is wrong with a motion: which joint, which term.
+"""One line that names the cause of a failure: the joint and the term.
 
-What was measured is looked at in the order of cause and effect.  An equation of motion that differs from the
-model's explains a residual, a residual explains a drift; so the differing term is told first, and of several
-measurements of one kind the one that leaves its limit farthest behind.
+Measurements are examined from cause to effect.  A term of the equations of motion that differs from the model's
+explains a residual, and a residual explains a drift.  The differing term is therefore named first; among several
+measurements of one kind, the one that exceeds its limit most.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _EFFECTS = (
 
 
 def rank(metric: Metric) -> int:
-    """How near to the cause a metric of this name is: the lower the nearer."""
+    """The position of a metric in the order of cause and effect; causes have lower ranks."""
     for at, beginning in enumerate(_CAUSES):
         if metric.name.startswith(beginning):
             return at
@@ -60,11 +60,11 @@ def rank(metric: Metric) -> int:
 
 
 def headline(metrics: Sequence[Metric], findings: Sequence[str], compared: bool) -> str:
-    """The verdict in one line.
+    """The verdict in one line: the first finding, else the worst failure, else the measurement closest to its limit.
 
     Args:
         metrics: everything that was measured.
-        findings: where the spec's equations of motion differ from the model's, the most telling line first.
+        findings: the differences between the spec's and the model's equations of motion, the most important first.
         compared: whether these equations were compared at all.
     """
     failed = sorted((m for m in metrics if m.verdict == "fail"), key=lambda m: (rank(m), -(margin(m) or 0.0)))
@@ -86,13 +86,13 @@ def _all_well(metrics: Sequence[Metric]) -> str:
     nearest = max(judged, key=lambda m: margin(m) or 0.0)
     share = 100.0 * (margin(nearest) or 0.0)
     return (
-        f"{len(judged)} measurements within their limits; nearest to its own is the {nearest.name} of "
-        f"{nearest.subject}, {share:.2g} % of it"
+        f"{len(judged)} measurements within their limits; closest to its limit: {nearest.name} "
+        f"({nearest.subject}), at {share:.2g} %"
     )
 
 
 def others(metrics: Sequence[Metric], findings: Sequence[str], most: int = 8) -> list[str]:
-    """What else is wrong, in lines, after the headline."""
+    """Further findings and failures, one line each, which follow the headline."""
     lines = list(findings[1:])
     failed = sorted((m for m in metrics if m.verdict == "fail"), key=lambda m: (rank(m), -(margin(m) or 0.0)))
     start = 0 if findings else 1

@@ -1,4 +1,4 @@
-"""Things about a solved motion that explain why it fails and that no number of frames mends."""
+"""Causes of a failure that can be found in the solved motion itself and that more frames do not correct."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SWINGS, _SHARE = 8, 0.02
 
 
 def beyond_limits(setup: Setup) -> list[str]:
-    """Which joints the solution takes beyond the limits that the model has, in words."""
+    """A line for each joint that the solution moves beyond its limits in the model."""
     found = []
     for tie in setup.ties:
         beyond, end, bound = beyond_range(setup, tie) or (0.0, 0.0, 0.0)
@@ -34,7 +34,7 @@ def beyond_limits(setup: Setup) -> list[str]:
 
 
 def clamped_controls(setup: Setup) -> list[str]:
-    """Which solved controls the model cuts off, in words."""
+    """A line for each solved control that the model clamps."""
     model, found = setup.compiled, []
     clamped = setup.controls.beyond_range(model)
     for name, index, channel in zip(setup.controls.names, setup.controls.addresses, setup.controls.channels):
@@ -49,26 +49,26 @@ def clamped_controls(setup: Setup) -> list[str]:
 
 
 def drifts(setup: Setup) -> list[str]:
-    """Which equalities of the model drift open along the solved motion, in words."""
+    """A line for each equality of the model that drifts open along the solved motion."""
     return [
-        f"{name} is closed at first and fits the rates of the joints at all frames: it is stated by these alone, and "
-        "drifts open between the frames"
+        f"{name} holds at the first frame and drifts open between the frames, since the spec states only its "
+        "velocities or accelerations"
         for name in drifting_equalities(setup)
     ]
 
 
 def drift_step(setup: Setup, more_frames: str) -> str:
-    """What to do about equalities that drift open."""
+    """Advice on equalities that drift open."""
     fast = float(f"{0.5 / np.diff(setup.solution.time).max():.1g}")
     frames = f"take more frames: {more_frames}" if more_frames else "take more frames"
     return (
-        f"{frames}; or hold the loop's position too: where g is what is to be zero, g'' + {2.0 * fast:g}*g' + "
+        f"{frames}; or constrain the position too: for a condition g = 0, write g'' + {2.0 * fast:g}*g' + "
         f"{fast**2:g}*g = 0 in place of g'' = 0"
     )
 
 
 def swinging_forces(setup: Setup) -> list[str]:
-    """Which solved contact forces go up and down from node to node, in words."""
+    """A line for each solved contact force that alternates from node to node."""
     found = []
     for line in setup.contact.lines:
         values = _node_values(line.value.after, line.value.mid)
@@ -85,13 +85,13 @@ def swinging_forces(setup: Setup) -> list[str]:
             a, b = max(long, key=lambda run: run[1] - run[0])
             first, last = a // per_frame, -(-(b + 2) // per_frame)
             found.append(
-                f"contact {line.name} goes up and down from node to node in frames {first} to {last}"
+                f"the force of contact {line.name} alternates from node to node in frames {first} to {last}"
             )
     return found
 
 
 def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
-    """Values at frames and, where there are some, midpoints in the order of time."""
+    """Values at the frames and, if there are any, the midpoints, in the order of time."""
     if mid is None:
         return frames
     found = np.empty(2 * len(frames) - 1)
@@ -100,7 +100,7 @@ def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
 
 
 def steps(setup: Setup, touching: Sequence[Touch] = ()) -> list[str]:
-    """What to do about these, one line each.
+    """Advice for these findings, one line each.
 
     Args:
         setup: the motion.
@@ -119,9 +119,9 @@ def steps(setup: Setup, touching: Sequence[Touch] = ()) -> list[str]:
 
 
 def swing_steps(setup: Setup) -> list[str]:
-    """What to do about forces that swing, one line each: right motions have them as well."""
+    """Advice on forces that alternate from node to node, one line each; those of right motions may do so too."""
     return [
-        f"{line}, which no contact of the model follows: weigh its change in the objective "
-        "(such as 1e-6*fz'^2), or state the forces of bodies at rest by fewer unknowns"
+        f"{line}, which no contact of the model can follow: add the change of the force to the objective "
+        "(such as 1e-6*fz'^2), or state the forces of bodies at rest with fewer unknowns"
         for line in swinging_forces(setup)
     ]

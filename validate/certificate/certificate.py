@@ -1,4 +1,4 @@
-"""A validated motion with everything that its certificate shows."""
+"""The certificate of a validated motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class ComparedEquations(Protocol):
-    """A spec's equations of motion against its model's, from whoever can evaluate the spec."""
+    """The comparison of a spec's equations of motion with its model's, made by a module that can evaluate the spec."""
 
     metrics: list[Metric]
     findings: list[str]
@@ -38,16 +38,26 @@ class ComparedEquations(Protocol):
 class Certificate:
     """The certificate of one motion.
 
-    Attributes:
-        solution: the motion.
-        report: the validation's measurements.
-        replays: what was simulated.
-        equations: the comparison of the equations of motion, where it was made.
-        source: the spec's text with its repetitions written out, from whoever can read it.
-        refused: why it could not be made, where that was tried.
-        further: measurements of others, such as the observed order of convergence.
-        faults: what is wrong besides measurements, one line each: the spec has changed since, for one.
-        more_frames: what takes twice the frames, such as ``--set n=120``, from whoever can read the spec.
+    Attributes
+    ----------
+    solution : Solution
+        The motion.
+    report : Report
+        The validation's measurements.
+    replays : Replays
+        The simulations.
+    equations : ComparedEquations | None
+        The comparison of the equations of motion, if it was made.
+    source : Source | None
+        The spec's text with its repetitions written out.
+    refused : str
+        Why the equations could not be compared, if that was tried.
+    further : Sequence[Metric]
+        Additional measurements, such as the observed order of convergence.
+    faults : list[str]
+        Faults that are not measurements, one line each, such as a spec that has changed since the solve.
+    more_frames : str
+        The options for twice the frames, such as ``--set n=120``.
     """
 
     solution: Solution
@@ -62,7 +72,7 @@ class Certificate:
 
     @property
     def metrics(self) -> list[Metric]:
-        """Everything that was measured."""
+        """All measurements."""
         equations = self.equations.metrics if self.equations is not None else []
         return [
             *equations,
@@ -72,7 +82,9 @@ class Certificate:
 
     @property
     def findings(self) -> list[str]:
-        """What the solution claims that does not hold, where its equations differ from the model's, and the like."""
+        """Faults that come before all measurements: figures that do not agree, equations that differ from the model's,
+        and others.
+        """
         return [
             *self.report.findings,
             *self.faults,
@@ -81,7 +93,7 @@ class Certificate:
 
     @property
     def passed(self) -> bool:
-        """Whether the validation passed, nothing else left its limit and nothing was found."""
+        """Whether the validation passed, no additional measurement failed, and there are no findings."""
         return (
             self.report.passed
             and not self.findings
@@ -91,7 +103,7 @@ class Certificate:
 
     @property
     def headline(self) -> str:
-        """The verdict in one line; where it is bad, with the joint and the term."""
+        """The verdict in one line; if the motion failed, with the joint and the term."""
         if self.solution.status != "optimal" and not self.findings:
             return f"the solve ended {self.solution.status}, not optimal"
         text = blame.headline(self.metrics, self.findings, self.equations is not None)
@@ -113,7 +125,7 @@ class Certificate:
 
     @property
     def next_steps(self) -> list[str]:
-        """What to do about a motion that failed, one line for each kind of failure; empty where it passed."""
+        """Advice on a motion that failed, one line for each kind of failure; empty if it passed."""
         if self.report.claims.findings:
             return ["solve it again: nothing else that this solution says can be relied on"]
         if self.passed or self.solution.status != "optimal" or self.faults or self.report.faults:
@@ -139,7 +151,7 @@ class Certificate:
 
     @property
     def notes(self) -> list[str]:
-        """What a reader should know besides."""
+        """Notes for the reader."""
         equations = self.equations.notes if self.equations is not None else []
         refused = [f"the equations of motion are not compared: {self.refused}"] if self.refused else []
         # What a motion that failed ran into, when it had gone astray.
@@ -147,7 +159,7 @@ class Certificate:
         return list(dict.fromkeys([*self.report.notes, *refused, *equations, *strays]))
 
     def facts(self) -> list[tuple[str, str]]:
-        """What produced the numbers: label and text."""
+        """The origin of the numbers, as pairs of label and text."""
         from stc import __version__
 
         report, solution = self.report, self.solution
@@ -171,11 +183,11 @@ class Certificate:
         if report.tracked_by:
             facts.append(("feedback", report.tracked_by))
         if report.claims.words:
-            facts.append(("the solution's own word", report.claims.told))
+            facts.append(("stated by the solution, not recomputed", report.claims.told))
         return facts
 
     def to_dict(self) -> dict[str, Any]:
-        """The certificate as JSON takes it: the report's keys, with all metrics, the headline and what to do next."""
+        """The certificate for JSON: the keys of the report, with all metrics, the headline and the next steps."""
         found = self.report.to_dict()
         found["passed"] = self.passed
         found["headline"] = self.headline
@@ -188,12 +200,17 @@ class Certificate:
     def write(self, path: str | os.PathLike[str], *, pictures: bool = True) -> Path:
         """Write the certificate as one HTML page that needs no other file.
 
-        Args:
-            path: of the page; missing folders are made.
-            pictures: whether to render the filmstrip and the video.
+        Parameters
+        ----------
+        path : str | os.PathLike[str]
+            File of the page; missing folders are created.
+        pictures : bool
+            Whether to render the filmstrip and the video.
 
-        Raises:
-            OSError: the file cannot be written.
+        Raises
+        ------
+        OSError
+            The file cannot be written.
         """
         from stc.validate.certificate.page import page
 
@@ -205,7 +222,7 @@ class Certificate:
         return target
 
     def summary(self) -> Iterator[Any]:
-        """The verdict in about a dozen lines, for rich to print."""
+        """The verdict in about a dozen lines, for printing with rich."""
         from stc.validate.certificate.terminal import summary
 
         return summary(self)
@@ -242,17 +259,17 @@ def certify(
     equations: ComparedEquations | None = None,
     further: Sequence[Metric] = (),
 ) -> Certificate:
-    """Validate a motion and keep what its certificate shows.
+    """Validate a motion and return its certificate, without the spec.
 
     Args:
         solution: a solution, or the path of a saved one.
-        model: another model file than the one that the spec names.
-        force: judge a solution that is not optimal as well.
+        model: a model file to use in place of the one that the spec names.
+        force: whether to judge a solution that is not optimal.
         time_step: longest time step of the replay, in seconds.
         integrator: one of :data:`stc.validate.replay.INTEGRATORS`.
-        statements: how well the spec's statements hold between the nodes.
-        equations: the spec's equations of motion against the model's.
-        further: measurements of others.
+        statements: violations of the spec's statements between the nodes.
+        equations: the comparison of the spec's equations of motion with the model's.
+        further: additional measurements.
 
     Raises:
         NotOptimalError, ModelError, UsageError, SolutionError: as :func:`stc.validate.validate`.

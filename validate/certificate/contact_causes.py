@@ -1,4 +1,4 @@
-"""What is known about the contact forces of a motion that fails, beyond what was measured, and what to do about it."""
+"""Advice on the contact forces of a motion that fails."""
 
 from __future__ import annotations
 
@@ -21,21 +21,22 @@ _ACTS = 1e-3
 
 
 def causes(replays: Replays) -> list[str]:
-    """Steps for contact lines that nothing in the model gives."""
+    """Advice for contact lines whose force nothing in the model supplies."""
     return [
-        f"contact {line} acts where nothing touches, so that nothing in the model gives it: hand over with an `apply` "
-        "line what needs no contact, or give the model what touches there, or the joint the limit that it stops at"
+        f"contact {line} acts where nothing touches, so that nothing in the model supplies its force: use an `apply` "
+        "line for a force that needs no contact, or add a geom that touches there, or the joint limit that gives the "
+        "force"
         for line in given_by_nothing(replays)
     ]
 
 
 def friction_steps(replays: Replays) -> list[str]:
-    """Steps for bodies that slide with another friction than the model's, with both."""
+    """Advice for bodies that slide with another friction than the model's, with both values."""
     return [step for one in replays.ground if (step := _friction(one))]
 
 
 def given_by_nothing(replays: Replays) -> list[str]:
-    """Contact lines whose body never touches anything while they act; on joints that no limit or rope holds, none."""
+    """Contact lines whose body touches nothing while they act; lines on joints with a limit or tendon are left out."""
     import mujoco
 
     setup = replays.setup
@@ -67,7 +68,7 @@ def given_by_nothing(replays: Replays) -> list[str]:
 
 
 def _friction(one: ContactForces) -> str:
-    """A step for a body that slides with another friction than the model's, "" for others."""
+    """Advice on a body that slides with another friction than the model's; "" for other bodies."""
     if one.sliding is None or one.sliding.way_without <= limits.SLID_WITHOUT_FRICTION:
         return ""
     seen, at = one.judged, one.sliding.slides & ~one.sliding.right
@@ -81,10 +82,11 @@ def _friction(one: ContactForces) -> str:
 
 
 def contact_steps(replays: Replays) -> list[str]:
-    """What to change in the contacts of the model where these give other forces than the solved ones."""
+    """Advice on the contacts of the model if their forces differ from the solved ones."""
     return [
-        f"body {one.body} slides off the axes of the model's friction cone, which is a pyramid that brakes along one "
-        'of them: give the model <option cone="elliptic"/>, whose friction is against the way'
+        f"body {one.body} slides diagonally to the axes of the model's friction cone, a pyramid, which brakes along "
+        "one "
+        'of its axes: give the model <option cone="elliptic"/>, whose friction opposes the velocity'
         for one in replays.ground
         if one.sliding is not None and one.sliding.off_axes
     ]

@@ -1,4 +1,4 @@
-"""What a certificate plots: every compared quantity over time, solved and replayed, and what drives the model."""
+"""The curves that a certificate plots: every compared quantity over time, solved and replayed, and all forces."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class Panel:
 
     Attributes:
         group: ``joint``, ``output``, ``actuator``, ``apply`` or ``contact``.
-        name: of what is plotted.
-        unit: of its values.
+        name: name of the plotted quantity.
+        unit: unit of the values.
         lines: the curves, the solved one first.
-        differences: simulated less solved, where something was simulated.
+        differences: simulated minus solved values, if there was a simulation.
     """
 
     group: str
@@ -46,7 +46,7 @@ class Panel:
 
 
 def panels(replays: Replays) -> list[Panel]:
-    """All plots of a motion: joints, outputs, actuators, outer forces."""
+    """All plots of a motion: joints, outputs, actuators, external forces."""
     found = _joints(replays) + _outputs(replays)
     setup = replays.setup
     units = _actuator_units(replays)
@@ -67,12 +67,12 @@ def _simulations(replays: Replays) -> list[tuple[str, Replay]]:
 
 
 def _thinned(count: int) -> np.ndarray:
-    """Indices of at most some :data:`_POINTS` of ``count`` points, both ends among them."""
+    """Indices of at most about :data:`_POINTS` of ``count`` points, including both ends."""
     return np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(np.intp))
 
 
 def solved_positions(replays: Replays, times: FloatArray) -> FloatArray:
-    """(len(times), p) solved positions of the tied joints at any times, right sides where they jump."""
+    """(len(times), p) solved positions of the tied joints at any times; at a jump, the value after it."""
     solution, reference = replays.setup.solution, replays.setup.reference
     if solution.n == 0:
         return np.broadcast_to(reference.at("after", 0)[0], (len(times), len(reference.positions)))
@@ -122,7 +122,7 @@ def _outputs(replays: Replays) -> list[Panel]:
 
 
 def _signals(replays: Replays, group: str, signals: Signals, unit_of: Callable[[str], str]) -> list[Panel]:
-    """What the solution says that acts; the parts of one force in one plot."""
+    """The forces of the solution; the components of one force are in one plot."""
     solution = replays.setup.solution
     if not len(signals) or solution.n == 0:
         return []
@@ -149,7 +149,7 @@ def _force_unit(lines: list[Line]) -> str:
 
 
 def _actuator_units(replays: Replays) -> dict[str, str]:
-    """N or N m where a control is the force on one joint, as with a motor of gear 1; else nothing."""
+    """N or N m if a control is the force on one joint, as for a motor with gear 1; otherwise ""."""
     import mujoco
 
     model, controls = replays.setup.compiled, replays.setup.controls

@@ -1,8 +1,8 @@
-"""The spec's text, line by line, with the multipliers of the statements that stand there.
+"""The text of the spec, line by line, with the multipliers of its statements.
 
-A solution knows its multipliers by the text of the statement, or by the name of the variable where a
-statement became a bound.  This finds the lines: constraints are split at their semicolons, and of equal
-texts the one counts on whose frames the multipliers stand.
+A solution stores multipliers under the text of the statement, or under the name of the variable if the statement
+became a bound.  This module finds the lines: constraints are split at their semicolons, and among statements with the
+same text the frames of the multipliers decide.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Statement:
 
     Attributes:
         line: number of its first line, from 1.
-        text: without comments, blanks reduced.
-        frames: first and last frame where it holds, or None where that cannot be told.
+        text: its text without comments and superfluous blanks.
+        frames: first and last frame where it holds, or None if they are not known.
         names: variables, derivatives and other names in it.
         equality: whether it is an equation.
     """
@@ -44,7 +44,9 @@ class Statement:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """The multipliers of one statement: the largest in size, when, and at how many nodes it is active."""
+    """The multipliers of one statement: the largest in magnitude, its time, and the number of nodes where it is
+    active.
+    """
 
     text: str
     value: float
@@ -64,11 +66,11 @@ class TextLine:
 
 
 def listing(solution: Solution, source: Source | None = None) -> list[TextLine]:
-    """The whole text with marks at the first lines of statements that have multipliers.
+    """The whole text, with marks at the first lines of statements that have multipliers.
 
     Args:
-        source: the text with its repetitions written out, which knows the lines that they were written on; None for a
-            spec that has none.
+        source: the text with its repetitions written out, which maps them to lines of the spec; None for a spec without
+            repetitions.
     """
     lines = [TextLine(k + 1, text) for k, text in enumerate(solution.source.splitlines())]
     statements = list(_statements(source or Source(solution.name, solution.source), solution.constants))
@@ -104,7 +106,7 @@ def _statements(source: Source, constants: Mapping[str, float]) -> Iterator[Stat
 def _constraints(
     text: str, start: int, end: int, constants: Mapping[str, float]
 ) -> Iterator[tuple[int, str, tuple[float, float] | None]]:
-    """Where each statement begins, its text, and its frames."""
+    """The start, the text and the frames of each statement."""
     frames: tuple[float, float] | None = None
     for part in re.finditer(r"[^;]+", text[start:end]):
         body, at = part[0], start + part.start()
@@ -169,7 +171,7 @@ def _owners(block: MultiplierBlock, statements: list[Statement]) -> Iterator[tup
 def _mark(
     solution: Solution, block: MultiplierBlock, chosen: np.ndarray, text: str, least: float
 ) -> Mark | None:
-    """What the chosen nodes of a block amount to; smaller multipliers than ``least`` count as none."""
+    """The mark for the chosen nodes of a block; multipliers smaller than ``least`` count as zero."""
     if not len(chosen):
         return None
     values = block.values[chosen]

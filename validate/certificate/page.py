@@ -1,4 +1,4 @@
-"""The certificate as one HTML page: nothing is loaded from anywhere, and it reads on a phone, in light and dark."""
+"""The certificate as one HTML page that loads nothing else and can be read on a phone, in light and dark mode."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def page(certificate: Certificate, *, pictures: bool = True) -> str:
     """The whole page.
 
     Args:
-        certificate: what it shows.
-        pictures: whether to render the filmstrip and the video; where that fails the page says why.
+        certificate: the certificate.
+        pictures: whether to render the filmstrip and the video; if that fails, the page gives the reason.
     """
     here = Path(__file__).parent
     report = certificate.report
@@ -108,7 +108,7 @@ def _tables(certificate: Certificate) -> str:
 
 
 def _scale() -> str:
-    """What the bars under the limits mean, with their axis."""
+    """The explanation of the bars below the limits, with their axis."""
     labels = [f"10<sup>−{power}</sup>" if power else "the limit" for power in range(_DECADES, -1, -1)]
     places = "".join(
         f"<span style='left:{100.0 * step / _DECADES:.4g}%'>{label}</span>"
@@ -154,7 +154,7 @@ def _row(metric: Metric) -> str:
 
 
 def _exponents(text: str, before: str = "") -> str:
-    """A quantity in one piece, its powers of ten as a reader writes them; units that are words may stand below."""
+    """A quantity as HTML that does not break, with powers of ten as superscripts; units that are words may break."""
     number, _, unit = text.partition(" ")
     mantissa, e, exponent = number.partition("e")
     shown = f"{mantissa}&#8239;·&#8239;10<sup>{int(exponent)}</sup>" if e and exponent else escape(number)
@@ -242,7 +242,7 @@ def _plots(certificate: Certificate) -> str:
 
 
 def _ground(forces: Sequence[ContactForces]) -> list[Panel]:
-    """Every part of every contact force, solved and found, in the friction cone."""
+    """Every component of every contact force, solved and replayed, in the friction cone."""
     found = []
     for one in forces:
         for part, solved in one.solved.items():

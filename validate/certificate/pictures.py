@@ -1,4 +1,4 @@
-"""The replay as pictures that go into a page: an animation and a filmstrip of it."""
+"""The replay as pictures for a page: an animation and a filmstrip."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Pictures:
         time: (k,) their times in the motion, in seconds.
         replay: ``open loop`` or ``tracked``.
         ghost: whether the solved motion is drawn beside it, translucent.
-        seconds_a_frame: how long an animation shows each.
+        seconds_a_frame: seconds for which an animation shows each picture.
     """
 
     frames: list[Image]
@@ -53,16 +53,18 @@ class Pictures:
 
     @property
     def slowness(self) -> float:
-        """How many times slower than the motion its animation is."""
+        """The factor by which the animation is slower than the motion."""
         length = float(self.time[-1] - self.time[0])
         return self.seconds_a_frame * (len(self.time) - 1) / length if length > 0.0 else 1.0
 
     def strip(self, count: int = STRIP) -> list[int]:
-        """Which frames make a filmstrip: the first, the last and some between."""
+        """The indices of the frames of a filmstrip: the first, the last and some between."""
         return [int(k) for k in np.unique(np.linspace(0, len(self.frames) - 1, count).round())]
 
     def animation(self, quality: int = 80) -> bytes:
-        """All frames as an animated WebP file in which every frame is whole, so that it can be taken apart."""
+        """All frames as an animated WebP file in which every frame is complete, so that a page can show single
+        frames.
+        """
         stream = io.BytesIO()
         self.frames[0].save(
             stream,
@@ -87,15 +89,15 @@ def encoded(picture: Image, quality: int = 85) -> bytes:
 
 
 def render(replays: Replays, size: tuple[int, int] = SIZE, most: int = _MOST) -> Pictures:
-    """Render the replay that the verdict goes by: open loop, or tracked where small errors grow too much.
+    """Render the replay on which the verdict rests: open loop, or tracked if small errors grow too much.
 
     Args:
-        replays: what was simulated.
+        replays: the simulations.
         size: width and height of a picture, in pixels.
-        most: so many pictures are made at most.
+        most: largest number of pictures.
 
     Raises:
-        PictureError: nothing on this machine renders.
+        PictureError: this machine cannot render.
     """
     from PIL import Image
 

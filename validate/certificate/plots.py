@@ -1,7 +1,7 @@
-"""Plots as SVG that goes into a page: drawn by Matplotlib, coloured by the page's own style.
+"""Plots as SVG for a page, drawn by Matplotlib and coloured by the page's style.
 
-Matplotlib writes colours into its files.  Here it draws with stand-ins, which are replaced by the page's
-variables, so that one picture serves light and dark.
+Matplotlib writes colours into its files.  The plots are drawn with placeholder colours, which are replaced by the
+page's variables, so that one plot serves light and dark mode.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ _PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n", -12: "p", -15: "f", 3: "k"}
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """A drawn panel: ``svg`` to put into a page."""
+    """A drawn panel; ``svg`` is the element for a page."""
 
     panel: Panel
     svg: str
 
 
 def draw(panels: Sequence[Panel]) -> list[Plot]:
-    """Draw all panels; every SVG's identifiers are its own."""
+    """Draw all panels; the identifiers in each SVG are unique."""
     import matplotlib
 
     settings: Any = {
@@ -110,7 +110,7 @@ def _panel(panel: Panel, key: str) -> str:
 
 
 def _lines(axes: Axes, lines: Sequence[Line]) -> None:
-    """Draw curves, the solved one broad where others lie on it."""
+    """Draw the curves, the solved one wider so that it remains visible below the others."""
     styles: dict[str, Any] = {"solved": "-", "replayed": (0, (5, 2)), "tracked": (0, (1, 1.3)), "cone": "-"}
     alone = all(line.kind == "solved" for line in lines)
     for k, line in enumerate(lines):
@@ -127,7 +127,7 @@ def _lines(axes: Axes, lines: Sequence[Line]) -> None:
 
 
 def _within(values: FloatArray, lines: Sequence[Line]) -> FloatArray:
-    """Values cut where a simulation that ran away would flatten everything else."""
+    """Values clipped to a range, so that a diverged simulation does not flatten the other curves."""
     solved = [line.value for line in lines if line.kind == "solved"]
     if not solved:
         return np.where(np.abs(values) < 1e9, values, np.nan)
@@ -192,6 +192,6 @@ def _embedded(svg: str, key: str, panel: Panel, across: tuple[float, float], up:
 
 
 def _short(path: str) -> str:
-    """A path with coordinates to a tenth of a point."""
+    """A path with coordinates rounded to a tenth of a point."""
     path = re.sub(r"-?\d+\.\d+", lambda m: f"{float(m[0]):.1f}", path)
     return " ".join(path.split())

@@ -1,4 +1,4 @@
-"""Whether a solution is one of the spec that lies where it was read from."""
+"""Whether the spec of a solution has changed on disk since it was solved."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from stc.solution import Solution
 
 
 def stale(solution: Solution) -> list[str]:
-    """A line for a spec that has changed since it was solved; nothing where it has not or is not there."""
+    """A line for a spec that has changed since it was solved; empty if it has not, or does not exist."""
     if not solution.directory:
         return []
     path = Path(solution.directory) / f"{solution.name}.stc"

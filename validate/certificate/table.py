@@ -1,4 +1,4 @@
-"""The rows of a certificate, sorted into sections: the same for the terminal, the page and failing tests."""
+"""The rows of a certificate in sections: the same for the terminal, the page and failing tests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Section:
     """Metrics that belong together.
 
     Attributes:
-        title: what they are about.
+        title: title of the section.
         metrics: in the order in which they were measured, those of one name together.
     """
 
@@ -68,7 +68,7 @@ _OTHER = "Further measurements"
 
 
 def sections(metrics: Iterable[Metric]) -> list[Section]:
-    """All metrics in sections; what fits nowhere comes last, and nothing is left out."""
+    """All metrics in sections; metrics that belong to no section come last."""
     found: dict[str, list[Metric]] = {title: [] for title, _ in _SECTIONS}
     found[_OTHER] = []
     for metric in metrics:
@@ -84,13 +84,13 @@ def _section_of(metric: Metric) -> str:
 
 
 def _together(metrics: Sequence[Metric]) -> list[Metric]:
-    """Metrics of one name in a row, names by their first appearance."""
+    """The metrics in an order in which those of one name are adjacent; names in the order of their first appearance."""
     names = list(dict.fromkeys(metric.name for metric in metrics))
     return sorted(metrics, key=lambda metric: names.index(metric.name))
 
 
 def number(value: float) -> str:
-    """Three digits; whole numbers and what is near one as they are, others as powers of ten."""
+    """A number with three digits: whole numbers and numbers near one without, others with a power of ten."""
     if not math.isfinite(value):
         return "broke down" if math.isnan(value) else "unbounded" if value > 0 else "-unbounded"
     if value == 0.0:
@@ -110,14 +110,14 @@ def quantity(metric: Metric, value: float | None) -> str:
 
 
 def bound(metric: Metric) -> str:
-    """The limit with its unit, and with a sign where it is the least that passes; "" for none."""
+    """The limit with its unit, with a sign if it is a lower limit; "" without a limit."""
     return (
         ("≥ " if metric.at_least else "") + quantity(metric, metric.limit) if metric.limit is not None else ""
     )
 
 
 def margin(metric: Metric) -> float | None:
-    """How much of what the limit allows is used: above one it is broken; None without a limit that means anything."""
+    """The ratio of the value to its limit: above one the limit is exceeded; None without a meaningful limit."""
     if metric.limit is None or not metric.limit > 0.0:
         return None
     if metric.at_least:

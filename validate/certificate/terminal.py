@@ -24,10 +24,10 @@ _MOST = 3
 
 
 def summary(certificate: Certificate) -> Iterator[Any]:
-    """The verdict in about a dozen lines: one for each kind of check, with the measurement nearest to its limit.
+    """The verdict in about a dozen lines: one for each kind of check, with the measurement closest to its limit.
 
     Yields:
-        What rich is to print, line by line; the verdict and what to do about it come last.
+        Lines to print with rich; the verdict and the advice come last.
     """
     from rich.text import Text
 
@@ -53,7 +53,7 @@ def summary(certificate: Certificate) -> Iterator[Any]:
 
 
 def _nearest(title: str, judged: Sequence[Metric]) -> str:
-    """How many checks a section has, and the one that is nearest to its limit or farthest beyond it."""
+    """The number of checks in a section, and the one that is closest to its limit or exceeds it most."""
     failed = sum(metric.verdict == "fail" for metric in judged)
     # A measurement past its limit comes before all others, though its limit be zero.
     worst = max(judged, key=lambda metric: (metric.verdict == "fail", table.margin(metric) or 0.0))
@@ -63,11 +63,11 @@ def _nearest(title: str, judged: Sequence[Metric]) -> str:
     if len(judged) == 1:
         count = "beyond its limit" if failed else "within its limit"
     figures = f"{table.quantity(worst, worst.value)}, limit {table.bound(worst)}"
-    return f"{title}: {count}; {'worst' if failed else 'nearest'} is {worst.name}, {worst.subject}: {figures}"
+    return f"{title}: {count}; {'worst' if failed else 'closest'}: {worst.name}, {worst.subject}: {figures}"
 
 
 def show(certificate: Certificate) -> Iterator[Any]:
-    """The table with every measurement, all notes, and the verdict; what rich is to print, piece by piece."""
+    """The table with every measurement, all notes, and the verdict, in pieces for rich."""
     from rich.text import Text
 
     report = certificate.report
@@ -75,7 +75,13 @@ def show(certificate: Certificate) -> Iterator[Any]:
     yield Text(heading, style="bold")
     yield _Measurements(certificate)
     facts = dict(certificate.facts())
-    for label in ("spec", "changed constants", "model", "integrator", "the solution's own word"):
+    for label in (
+        "spec",
+        "changed constants",
+        "model",
+        "integrator",
+        "stated by the solution, not recomputed",
+    ):
         if label in facts:
             yield Text(f"{label}: {facts[label]}", style="dim")
     for note in certificate.notes:
@@ -84,7 +90,7 @@ def show(certificate: Certificate) -> Iterator[Any]:
 
 
 def _verdict(certificate: Certificate, most: int) -> Iterator[Any]:
-    """Passed or failed and by what; where it failed, at most so many further failures and what to do."""
+    """The verdict with its first line; if the motion failed, at most ``most`` further failures, and the advice."""
     from rich.text import Text
 
     if certificate.passed:
@@ -98,7 +104,7 @@ def _verdict(certificate: Certificate, most: int) -> Iterator[Any]:
 
 
 class _Measurements:
-    """All that was measured: a table, or where the screen is too narrow for one, a line for each measurement."""
+    """All measurements: a table, or if the screen is too narrow, a line for each."""
 
     def __init__(self, certificate: Certificate) -> None:
         self._sections = [
@@ -125,7 +131,7 @@ class _Measurements:
         yield from self._table(widths)
 
     def _widths(self) -> list[int]:
-        """Characters of the columns where nothing is folded."""
+        """Widths of the columns in characters, without folding."""
         from rich.cells import cell_len
 
         widths = [cell_len(name) for name in _HEADER]

@@ -1,4 +1,4 @@
-"""What a MuJoCo program needs to play a motion: controls for every time step, and the gains that track it.
+"""The inputs of a MuJoCo program that plays a motion: controls for every time step, and feedback gains.
 
 The file holds NumPy arrays for a model with nq positions, nv velocities and nu controls, over K equal steps:
 
@@ -13,7 +13,7 @@ The file holds NumPy arrays for a model with nq positions, nv velocities and nu 
                                       way, 1, data.qpos, qpos[k])``: ``qpos[k] - data.qpos`` without quaternions
 ==================  ================  =====================================================================
 
-Each control is that of the middle of its step, so that holding it errs by the square of the step only.
+Each control is that at the middle of its step, so that the error of holding it is of second order in the step.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import numpy as np
 
 from stc.atomic import replacing
 from stc.validate.export.proportion import require_proportion
+from stc.validate.export.states import controls, in_steps, signals, velocities
 from stc.validate.linearisation import linearised
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.motion import solved_at
@@ -33,14 +34,14 @@ from stc.validate.tracking import Feedback, proportional, regulator
 
 
 def steps(setup: Setup, time_step: float | None = None) -> tuple[int, float]:
-    """Number and duration, in seconds, of the equal steps that the motion is cut into."""
+    """Number and duration, in seconds, of the equal steps of the motion."""
     wanted = float(setup.compiled.opt.timestep) if time_step is None else time_step
     count = max(1, math.ceil(setup.solution.duration / wanted - 1e-9))
     return count, setup.solution.duration / count
 
 
-def sequence(setup: Setup, time_step: float | None = None) -> dict[str, FloatArray]:
-    """The arrays of the file; see the module's table.
+def played(setup: Setup, time_step: float | None = None) -> dict[str, FloatArray]:
+    """The arrays of the file without ``gain``; see the module's table.
 
     Raises:
         UsageError: with such steps the file is out of proportion.
@@ -49,38 +50,42 @@ def sequence(setup: Setup, time_step: float | None = None) -> dict[str, FloatArr
     wanted = float(model.opt.timestep) if time_step is None else time_step
     numbers = 1 + model.nq + 2 * model.nv + model.nu * (1 + 2 * model.nv)
     require_proportion(solution.duration / wanted, numbers, f"a time step of {wanted:g} s")
-    count, length = steps(setup, time_step)
-    edges = solution.time[0] + length * np.arange(count + 1)
-    edges[-1] = solution.time[-1]
-    middles = 0.5 * (edges[:-1] + edges[1:])
-    frames = np.clip(np.searchsorted(solution.time, middles, side="right") - 1, 0, max(0, solution.n - 1))
+    edges, middles = _times(setup, time_step)
     found = {
-        "timestep": np.array(length),
+        "timestep": np.array(steps(setup, time_step)[1]),
         "time": edges - edges[0],
-        "ctrl": np.zeros((count, model.nu)),
+        "ctrl": controls(setup, middles),
         "qpos": solved_at(setup, edges),
-        "qvel": _velocities(setup, edges),
+        "qvel": velocities(setup, edges),
     }
+    if len(setup.applied):
+        forces = signals(setup, setup.applied, middles)
+        found["qfrc_applied"] = _generalised(setup, solved_at(setup, middles), forces)
+    return found
+
+
+def sequence(setup: Setup, time_step: float | None = None) -> dict[str, FloatArray]:
+    """The arrays of the file; see the module's table.
+
+    Raises:
+        UsageError: with such steps the file is out of proportion.
+    """
+    found, model = played(setup, time_step), setup.compiled
     law = _law(setup)
     if law is not None:
-        found["gain"] = np.zeros((count, model.nu, 2 * model.nv))
+        found["gain"] = np.zeros((len(found["ctrl"]), model.nu, 2 * model.nv))
         order = np.concatenate([setup.reference.velocities, model.nv + setup.reference.velocities])
-    if len(setup.applied):
-        found["qfrc_applied"] = np.zeros((count, model.nv))
-        positions = solved_at(setup, middles)
-    durations = np.diff(solution.time)
-    addresses = setup.controls.addresses
-    for frame in np.unique(frames) if solution.n else ():
-        mine = np.flatnonzero(frames == frame)
-        shares = (middles[mine] - solution.time[frame]) / durations[frame]
-        found["ctrl"][np.ix_(mine, addresses)] = setup.controls.in_step(int(frame), shares)
-        if "gain" in found and law is not None:
-            found["gain"][np.ix_(mine, addresses, order)] = law.gains(int(frame), shares)
-        if len(setup.applied):
-            found["qfrc_applied"][mine] = _generalised(
-                setup, positions[mine], setup.applied.in_step(int(frame), shares)
-            )
+        for step, mine, shares in in_steps(setup, _times(setup, time_step)[1]):
+            found["gain"][np.ix_(mine, setup.controls.addresses, order)] = law.gains(step, shares)
     return found
+
+
+def _times(setup: Setup, time_step: float | None) -> tuple[FloatArray, FloatArray]:
+    """The ends of the steps, and their middles."""
+    solution, (count, length) = setup.solution, steps(setup, time_step)
+    edges = solution.time[0] + length * np.arange(count + 1)
+    edges[-1] = solution.time[-1]
+    return edges, 0.5 * (edges[:-1] + edges[1:])
 
 
 def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
@@ -96,7 +101,7 @@ def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
 
 
 def _law(setup: Setup) -> Feedback | None:
-    """The feedback that tracks the motion: the regulator where there can be one, else proportional-derivative."""
+    """The feedback: the regulator if there is one, else proportional-derivative control."""
     if not setup.solution.n or not len(setup.controls):
         return None
     maps = linearised(setup)
@@ -106,23 +111,8 @@ def _law(setup: Setup) -> Feedback | None:
     return proportional(setup)
 
 
-def _velocities(setup: Setup, times: FloatArray) -> FloatArray:
-    """(k, nv) solved velocities; joints that are not tied have none."""
-    solution, reference = setup.solution, setup.reference
-    found = np.zeros((len(times), setup.compiled.nv))
-    if solution.n == 0:
-        found[:, reference.velocities] = reference.at("after", 0)[1]
-        return found
-    frames = np.clip(np.searchsorted(solution.time, times, side="right") - 1, 0, solution.n - 1)
-    shares = np.clip((times - solution.time[frames]) / np.diff(solution.time)[frames], 0.0, 1.0)
-    for frame in np.unique(frames):
-        mine = np.flatnonzero(frames == frame)
-        found[np.ix_(mine, reference.velocities)] = reference.in_step(int(frame), shares[mine])[1]
-    return found
-
-
 def _generalised(setup: Setup, positions: FloatArray, forces: FloatArray) -> FloatArray:
-    """(k, nv) what outer forces amount to at the solved positions."""
+    """(k, nv) the generalised forces of external forces at the solved positions."""
     import mujoco
 
     model = setup.model()

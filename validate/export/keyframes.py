@@ -1,8 +1,8 @@
-"""The model of a motion as MJCF with a keyframe per frame, complete with what the spec set in it.
+"""The model of a motion as MJCF with a keyframe per frame, including the fields that the spec sets.
 
-The model's own text is kept and numbers are put into it with all their digits; MuJoCo's writer keeps six.
+Numbers are inserted into the model's own text with all their digits; MuJoCo's writer would keep six.
 Included files become part of the text, and the assets are copied beside it, so that file and folder can be moved.
-What was written is read back and compared with the model that the validation used.
+The written file is read back and compared with the model of the validation.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
 
     Args:
         setup: the motion and its model.
-        path: of the file; assets go into a folder beside it.
+        path: the file; assets are written to a folder beside it.
         time_step: longest time step, in seconds; the file asks for the one that the control sequence has.
 
     Raises:
-        ModelError: the model's text cannot carry what the spec set in it.
-        UsageError: a copy of an asset would take the place of another one of the model's files.
+        ModelError: the model's text cannot hold the fields that the spec sets.
+        UsageError: a copy of an asset would overwrite another file of the model.
     """
     root = ET.parse(setup.path).getroot()
     _include(root, setup.path.parent)
@@ -77,7 +77,7 @@ def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
 
 @contextmanager
 def _whole_or_not(folder: Path) -> Iterator[None]:
-    """Around what fills a folder: where that fails, what was not there before is not there afterwards."""
+    """A context for filling a folder: if it fails, files that did not exist before are removed."""
     before = set(folder.iterdir()) if folder.is_dir() else None
     try:
         yield
@@ -115,13 +115,13 @@ def _text(values: FloatArray) -> str:
 
 
 def _child(parent: ET.Element, tag: str) -> ET.Element:
-    """The last child with a tag, which is what counts in MJCF; a new one if there is none."""
+    """The last child with a tag, which is the one that MJCF uses; a new one if there is none."""
     found = parent.findall(tag)
     return found[-1] if found else ET.SubElement(parent, tag)
 
 
 def _include(element: ET.Element, folder: Path) -> None:
-    """Put the contents of included files where they are included."""
+    """Replace include elements by the contents of the included files."""
     for index, child in reversed(list(enumerate(element))):
         if child.tag == "include":
             inner = ET.parse(folder / child.get("file", "")).getroot()
@@ -241,7 +241,7 @@ def _actuator(root: ET.Element, name: str) -> ET.Element:
 
 
 def _check(written: mujoco.MjModel, setup: Setup, path: Path) -> None:
-    """Compare what was written with what was meant."""
+    """Compare the written model with the model of the motion."""
     wanted = setup.compiled
     for name in _COMPARED:
         a, b = np.asarray(getattr(written, name)), np.asarray(getattr(wanted, name))

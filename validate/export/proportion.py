@@ -1,6 +1,6 @@
-"""How many instants a file holds, and what is too much for one.
+"""The number of instants in a file, and its upper limit.
 
-That is better refused at once than after minutes, or by a lack of memory.
+A file that is too large is refused at once, before minutes of work or a lack of memory.
 """
 
 from __future__ import annotations
@@ -10,9 +10,12 @@ import math
 from stc.errors import UsageError
 from stc.validate import limits
 
+#: Instants per second of an animation where no other number is asked for.
+USUAL_RATE = 60.0
+
 
 def intervals(duration: float, rate: float) -> int:
-    """How many there are between instants at a rate, the last one perhaps shorter; rounding adds none."""
+    """The number of intervals at a rate, the last one possibly shorter; rounding adds none."""
     return math.ceil(duration * rate - 1e-9)
 
 
@@ -20,9 +23,9 @@ def require_proportion(instants: float, numbers: int, asked: str) -> None:
     """Refuse a file with too many numbers before any work is done.
 
     Args:
-        instants: how many there are to be, infinite perhaps.
-        numbers: for each of them.
-        asked: what was asked for, such as ``a rate of 1e+09 Hz``.
+        instants: number of instants, possibly infinite.
+        numbers: numbers per instant.
+        asked: the request in words, such as ``a rate of 1e+09 Hz``.
 
     Raises:
         UsageError: they are more than :data:`stc.validate.limits.MOST_NUMBERS`.

@@ -14,7 +14,7 @@ from stc.validate.metrics import FloatArray
 
 
 def columns(solution: Solution, rate: float | None = None) -> dict[str, FloatArray]:
-    """The time, every variable, every derivative that the spec uses, and what drives the model.
+    """The time, every variable, every derivative that the spec uses, and the forces on the model.
 
     Args:
         solution: the motion.

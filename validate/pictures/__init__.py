@@ -1,4 +1,4 @@
-"""Pictures of a motion: plots, filmstrips and videos, none of which needs a screen."""
+"""Pictures of a motion: plots, filmstrips and videos; none needs a screen."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from stc.errors import StcError
 
 
 class PictureError(StcError):
-    """A picture that cannot be made here: no OpenGL, an unknown camera or kind of file, a missing library."""
+    """A picture cannot be made: there is no OpenGL, the camera or file type is unknown, or a library is missing."""
 
 
 __all__ = ["PictureError"]

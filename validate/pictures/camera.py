@@ -1,4 +1,4 @@
-"""Where to look from."""
+"""The position and direction of the camera."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SHOWN_GROUPS = 3
 
 
 def usual_camera(model: mujoco.MjModel, name: str | None = None) -> mujoco.MjvCamera:
-    """A camera of the model by its name, or the usual one.
+    """A camera of the model by its name, or the default one.
 
     Raises:
         ModelError: there is none of this name.
@@ -47,12 +47,12 @@ def usual_camera(model: mujoco.MjModel, name: str | None = None) -> mujoco.MjvCa
 
 @dataclass(frozen=True, slots=True)
 class Framing:
-    """A direction of view and the room that a motion takes in it.
+    """A direction of view and the size of a motion in it.
 
     Attributes:
         lookat: (3,) the middle of the motion, m.
         azimuth, elevation: of the view in degrees, as MuJoCo's free camera has them.
-        slope: half the height of what is seen at a distance of one metre, in m.
+        slope: half the visible height at a distance of one metre, in m.
         across, along, depth: (m,) places of corners of the bodies, in m from the middle: to the side and up or down,
             without sign, and towards the camera.
     """
@@ -66,7 +66,7 @@ class Framing:
     depth: FloatArray
 
     def distance(self, width: float, height: float = 1.0) -> float:
-        """How far from the middle, in m, the camera has to be for the motion to fill a part of the image.
+        """The distance of the camera from the middle, in m, at which the motion fills a part of the image.
 
         Args:
             width: of the part, over the height of the whole image.
@@ -78,7 +78,7 @@ class Framing:
 
 
 def fit(model: mujoco.MjModel, camera: mujoco.MjvCamera, positions: FloatArray, aspect: float) -> None:
-    """Move a camera along with its direction of view so that the model fills the image in all of some positions.
+    """Move a camera along its direction of view so that the model fills the image in all given positions.
 
     Args:
         model: its field of view becomes the camera's.
@@ -97,7 +97,7 @@ def fit(model: mujoco.MjModel, camera: mujoco.MjvCamera, positions: FloatArray, 
 
 
 def frame(model: mujoco.MjModel, camera: mujoco.MjvCamera, positions: FloatArray) -> Framing | None:
-    """The room that a model takes in some positions, seen in the direction of a camera.
+    """The size of a model in some positions, seen in the direction of a camera.
 
     Args:
         model: its field of view becomes the camera's.
@@ -105,7 +105,7 @@ def frame(model: mujoco.MjModel, camera: mujoco.MjvCamera, positions: FloatArray
         positions: (k, nq).
 
     Returns:
-        None where the camera moves with a body or is tilted, and where there is nothing to see.
+        None if the camera moves with a body or is tilted, or if nothing is visible.
     """
     import mujoco
 

@@ -1,11 +1,11 @@
 """An OpenGL context without a screen.
 
-MuJoCo's own renderer takes whatever backend was chosen when ``mujoco`` was first imported, which is one that wants
-a screen unless ``MUJOCO_GL`` says otherwise.  Here the choice is made when a picture is asked for.
+MuJoCo's own renderer uses the backend that was chosen when ``mujoco`` was first imported, which needs a screen unless
+``MUJOCO_GL`` selects another.  Here the choice is made when a picture is requested.
 
-Two things guard the process.  MuJoCo's resources (``mujoco.MjrContext``) are made only where a context is current:
-without one MuJoCo raises an exception the first time and aborts the process the second time.  And what did not work
-once is not tried again: the libraries behind it keep what they found when they were loaded.
+Two measures protect the process.  MuJoCo's resources (``mujoco.MjrContext``) are only created while a context is
+current: without one MuJoCo raises an exception the first time and aborts the process the second time.  A backend that
+failed is not tried again, since the libraries behind it keep their state from when they were loaded.
 """
 
 from __future__ import annotations
@@ -67,7 +67,9 @@ def make_context(model: mujoco.MjModel, width: int, height: int) -> tuple[Any, m
                 raise PictureError(
                     f"OpenGL ({backend}) cannot render this model at {width}x{height}: {why}"
                 ) from error
-        _in_vain[backends] = f"no OpenGL to render with ({'; '.join(problems)})\n  {_HINT}"
+        _in_vain[backends] = (
+            f"rendering needs OpenGL, which is not available ({'; '.join(problems)})\n  {_HINT}"
+        )
     raise PictureError(_in_vain[backends])
 
 
@@ -75,7 +77,7 @@ def _current_context(backend: str, width: int, height: int) -> Any:
     """A context of this backend, which is the current one.
 
     Raises:
-        Exception: of whatever kind, where there is none.
+        Exception: of any kind, if there is none.
     """
     missing = [names for names in _LIBRARIES.get(backend, ()) if not any(map(_loads, names))]
     if missing:
@@ -101,7 +103,7 @@ def _loads(library: str) -> bool:
 
 
 def _is_current(backend: str) -> bool:
-    """Whether the thread has a current context, by the backend's own word."""
+    """Whether the thread has a current context, according to the backend."""
     if backend == "glfw":
         return bool(importlib.import_module("glfw").get_current_context())
     if backend in _LIBRARIES:

@@ -1,7 +1,7 @@
 """Filmstrips and videos of a motion.
 
 A filmstrip shows the motion at equal intervals of time, tile by tile.  A video shows it frame by frame; short
-motions are slowed down, and what is shown says so.
+motions are slowed down, and the caption gives the factor.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _GHOST = 0.35
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How pictures are made.
+    """The settings of pictures.
 
     Attributes:
         width: of an image, or of a filmstrip's tile, in pixels.
@@ -70,8 +70,8 @@ class Look:
         camera: one of the model's cameras; None takes the usual one.
         rate: images per second of a video.
         speed: share of real time at which a video runs; None chooses.
-        tiles: of a filmstrip.
-        columns: of a filmstrip; None chooses.
+        tiles: number of tiles of a filmstrip.
+        columns: columns of a filmstrip; None chooses.
         captions: whether the time is written into the images.
     """
 
@@ -92,17 +92,17 @@ def draw(
     motion: Replay | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Render a motion into a file: a filmstrip for an image's ending, else a video.
+    """Render a motion into a file: a filmstrip or a video, depending on the suffix.
 
     Args:
         setup: the motion and its model.
-        path: where to; its ending is one of :data:`STILLS` or :data:`VIDEOS`.
-        look: how.
+        path: the file; its suffix is one of :data:`STILLS` or :data:`VIDEOS`.
+        look: the settings.
         motion: a replay to show, the solved motion then being its ghost; None shows the solved motion.
-        progress: told after each image how many of how many are done.
+        progress: called after each image with the number of images done and the total.
 
     Raises:
-        UsageError: another ending, or a picture that is out of proportion.
+        UsageError: another suffix, or a picture that is too large.
         ModelError: there is no such camera.
         PictureError: there is no OpenGL, or no encoder for the video.
         OSError: the file cannot be written.
@@ -128,7 +128,7 @@ def draw(
 
 
 def require_filmstrip(look: Look) -> None:
-    """Refuse a filmstrip that is out of proportion, before any work is done.
+    """Refuse a filmstrip that is too large, before any work is done.
 
     Raises:
         UsageError: it has too many tiles, or too many pixels in all.
@@ -143,7 +143,7 @@ def require_filmstrip(look: Look) -> None:
 
 
 def require_film(look: Look, duration: float, suffix: str) -> None:
-    """Refuse a video that is out of proportion, before any work is done.
+    """Refuse a video that is too large, before any work is done.
 
     Args:
         look: how it is to be made.
@@ -257,7 +257,7 @@ def _images(
 
 
 def path_trails(setup: Setup, motion: Replay | None, both: bool = True) -> list[Trail]:
-    """The paths of a motion: the solved one broad, for the simulated one to lie on.
+    """The paths of a motion: the solved one wide, so that the simulated one is visible on it.
 
     Args:
         setup: the motion.
@@ -273,7 +273,7 @@ def path_trails(setup: Setup, motion: Replay | None, both: bool = True) -> list[
 
 
 def _framed(setup: Setup) -> FloatArray:
-    """Positions that are to be seen whole, along all of the motion, however few of them are shown."""
+    """Positions that must be visible completely: those of the whole motion, whatever is shown."""
     times = np.linspace(setup.solution.time[0], setup.solution.time[-1], _FRAMED)
     return solved_at(setup, times)
 

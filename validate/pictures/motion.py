@@ -1,4 +1,4 @@
-"""Where a model is at any time of a motion, solved or simulated, and the paths that its parts take."""
+"""The positions of a model at any time of a motion, solved or simulated, and the paths of its parts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PATH_POINTS = 100
 
 
 def solved_at(setup: Setup, times: FloatArray) -> FloatArray:
-    """(k, nq) the solved motion at some times; joints that are not tied stay where the model has them."""
+    """(k, nq) the solved motion at some times; joints that are not tied stay at the model's initial position."""
     import mujoco
 
     solution = setup.solution
@@ -42,9 +42,9 @@ def simulated_at(motion: Replay, times: FloatArray) -> FloatArray:
 
 
 def paths(setup: Setup, motion: Replay | None = None) -> list[FloatArray]:
-    """World paths, (k, 3) each, of the sites, geoms and bodies that the spec has compared.
+    """World paths, (k, 3) each, of the sites, geoms and bodies that the spec compares.
 
-    Where it has none compared they are those of the outermost bodies' centres of mass.
+    If it compares none, these are the centres of mass of the outermost bodies.
 
     Args:
         setup: the motion.
@@ -79,7 +79,7 @@ def follow(
 
 
 def usual_places(setup: Setup) -> Sequence[tuple[str, int]]:
-    """What a spec has compared, or the outermost bodies: MuJoCo's array of positions and the index in it."""
+    """The places that a spec compares, or the outermost bodies: MuJoCo's array of positions and the index in it."""
     import mujoco
 
     arrays = {"site": "site_xpos", "geom": "geom_xpos", "body": "xpos", "com": "subtree_com"}

@@ -1,7 +1,7 @@
 """Plots of a motion over time: joints, outputs, controls and outer forces, solved against replayed, and paths.
 
-Drawn by Matplotlib, which every installation has: pictures are how people judge motions, and a plotting command
-that first asks for another installation is one that nobody uses.  It is imported only when something is drawn.
+Plots are drawn by Matplotlib, which is a required dependency, so that plotting always works.  It is imported only when
+something is drawn.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def save_plot(replays: Replays, path: str | os.PathLike[str]) -> None:
     """Draw everything about a motion into a file.
 
     Args:
-        replays: the motion and what was simulated.
-        path: where to; its ending is one of :data:`PLOTS`.
+        replays: the motion and its simulations.
+        path: the file; its suffix is one of :data:`PLOTS`.
 
     Raises:
         UsageError: another ending.
@@ -91,7 +91,7 @@ def figure(replays: Replays) -> Figure:
 
 
 def grid_of_plots(count: int, solution: Solution) -> tuple[Figure, Sequence[Axes]]:
-    """A figure with the motion's name above it, and the axes of so many plots."""
+    """A figure with the motion's name above it, and the given number of axes."""
     from matplotlib.figure import Figure
 
     columns = 2 if count in (2, 4) else min(3, max(1, count))
@@ -107,7 +107,7 @@ def grid_of_plots(count: int, solution: Solution) -> tuple[Figure, Sequence[Axes
 
 
 def _legend(made: Figure, found: Sequence[Panel], replays: Replays) -> None:
-    """What the lines are, once for all plots."""
+    """The legend of the lines, once for all plots."""
     from matplotlib.lines import Line2D
 
     kinds = [kind for kind in _COLOURS if any(line.kind == kind for panel in found for line in panel.lines)]
@@ -156,13 +156,13 @@ def _draw(axes: Axes, panel: Panel, replays: Replays) -> None:
 
 
 def _drift(gap: float, replays: Replays) -> str:
-    """The colour of a drift: as plain text within its limit, else as the replay's line."""
+    """The colour of a drift: that of plain text within its limit, otherwise that of the replay's line."""
     method = replays.setup.solution.method
     return "#4b5563" if gap <= limits.OPEN_LOOP_DRIFT[method] else _COLOURS["replayed"]
 
 
 def _shown(line: Line, panel: Panel) -> FloatArray:
-    """Values cut where a simulation that ran away would flatten everything else."""
+    """Values clipped to a range, so that a diverged simulation does not flatten the other curves."""
     solved = panel.lines[0].value
     low, high = float(np.min(solved)), float(np.max(solved))
     room = max(high - low, 1e-9)
@@ -172,7 +172,7 @@ def _shown(line: Line, panel: Panel) -> FloatArray:
 
 
 def _paths(replays: Replays) -> list[tuple[str, FloatArray]]:
-    """Where the ends go: kind and (k, 3) points, solved and replayed."""
+    """The paths of end points: kind and (k, 3) points, solved and replayed."""
     setup = replays.setup
     if setup.solution.n == 0:
         return []
@@ -185,7 +185,7 @@ def _paths(replays: Replays) -> list[tuple[str, FloatArray]]:
 
 
 def _draw_paths(axes: Axes, ways: Sequence[tuple[str, FloatArray]]) -> None:
-    """Paths in the plane that they fill most."""
+    """Draw paths in the plane in which they are largest."""
     solved = np.concatenate([points for kind, points in ways if kind == "solved"])
     spread = np.ptp(solved, axis=0)
     first, second = sorted(np.argsort(-spread)[:2].tolist()) if spread.min() < spread.max() else (0, 2)
@@ -215,7 +215,7 @@ def _draw_paths(axes: Axes, ways: Sequence[tuple[str, FloatArray]]) -> None:
 
 
 def style(axes: Axes) -> None:
-    """The look that all plots have in common: light grid, few ticks, two spines."""
+    """The common look of all plots: light grid, few ticks, two spines."""
     axes.grid(color="#e5e7eb", linewidth=0.7)
     axes.set_axisbelow(True)
     axes.locator_params(axis="x", nbins=6)

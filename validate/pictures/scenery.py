@@ -1,4 +1,4 @@
-"""Sky and light for the pictures of a model that brings none of its own: MuJoCo would leave it black."""
+"""Sky and light for the pictures of a model that has none; MuJoCo would leave it black."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.validate.fields import apply_fields
-from stc.validate.model import as_bytes
 from stc.validate.setup import Setup
 
 if TYPE_CHECKING:
@@ -31,9 +30,8 @@ def picture_model(setup: Setup) -> mujoco.MjModel:
 
     The model that is simulated stays as it is. It may be changed: it is the caller's own.
     """
-    import mujoco
 
-    spec = mujoco.MjSpec.from_file(as_bytes(setup.path))
+    spec = setup.description()
     bare = not _has_sky(setup.compiled)
     if not furnish(spec, setup):
         return setup.model()

@@ -33,8 +33,8 @@ class Trail:
         points: (k, 3) in m.
         colour: red, green, blue, opacity.
         width: in pixels.
-        lift: by which share of its distance it is nearer to the camera than it is. It stays where it is in the image,
-            but lies on what has the same place, such as the same path of another motion.
+        lift: the share of its distance by which it is moved towards the camera. Its place in the image does not change,
+            but it is drawn over other objects at the same place, such as the path of another motion.
     """
 
     points: FloatArray
@@ -44,7 +44,7 @@ class Trail:
 
 
 class Stage:
-    """Renders a model, without a screen.  Use it in a ``with`` statement: it holds an OpenGL context."""
+    """Renders images of a model without a screen. Use it in a ``with`` statement, since it holds an OpenGL context."""
 
     def __init__(
         self,
@@ -62,8 +62,8 @@ class Stage:
             height: of the images.
             camera: name of one of the model's cameras; by default ``side`` or ``portrait`` or the first one, and
                 where there is none a view from the side.
-            frame: (k, nq) positions that are to fill the images: the camera keeps its direction and moves.  By
-                default, and where a camera is named, it stays where the model has it.
+            frame: (k, nq) positions that fill the images: the camera keeps its direction and moves.  By default, and
+                if a camera is named, the camera is not moved.
 
         Raises:
             ModelError: the model has no such camera.

@@ -25,8 +25,8 @@ def save_variables(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Draw every variable of a motion over time into a file.
 
     Args:
-        solution: the motion; whether it names a model is of no account.
-        path: where to; its ending is one of :data:`stc.validate.pictures.plot.PLOTS`.
+        solution: the motion, with or without a model.
+        path: the file; its suffix is one of :data:`stc.validate.pictures.plot.PLOTS`.
 
     Raises:
         UsageError: another ending, or a motion of a single instant.
@@ -56,7 +56,7 @@ def figure(solution: Solution) -> Figure:
 def sampled(solution: Solution) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Times (k,) in seconds and each variable's values (k,) there, in its own unit.
 
-    A frame has two points, its value before and after, so that a jump is upright.
+    A frame has two points, its value before and after, so that a jump is drawn vertically.
     """
     solution.require_increasing_times()
     n = solution.n
@@ -71,5 +71,5 @@ def sampled(solution: Solution) -> tuple[FloatArray, dict[str, FloatArray]]:
 
 
 def _ends(n: int, inside: int) -> np.ndarray:
-    """Where the right end of each step goes among the points of all steps."""
+    """The index of each step's right end among the points of all steps."""
     return inside * np.arange(1, n + 1)

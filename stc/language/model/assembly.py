@@ -1,4 +1,4 @@
-"""A model's part of a problem: its equations, bounds, poses and contacts, without rows that others imply."""
+"""A model's part of a problem: its equations, bounds, poses and contacts, without redundant constraints."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from stc.symbolic.expr import ZERO, Expr
 
 
 class ModelStatements:
-    """What a model brings to a problem under way."""
+    """The statements that a model adds to a problem."""
 
     def __init__(self, context: Context, scope: ModelScope) -> None:
         assert context.builder.paths is not None
@@ -51,7 +51,7 @@ class ModelStatements:
 
     @property
     def standing(self) -> Standing:
-        """What is held, once poses and options of contacts are known."""
+        """The held constraints, once poses and options of contacts are known."""
         if self._standing is None:
             self._standing = Standing(
                 self.context, self.scope, self.equalities, self.contacts, self.pinned, self.periodic
@@ -59,23 +59,23 @@ class ModelStatements:
         return self._standing
 
     def impulses(self) -> list[str]:
-        """The parameters that impacts bring."""
+        """The parameters of impacts."""
         return [
             *self.contacts.landings(),
             *self.equalities.impulse_names(len(self.contacts.impact_frames())),
         ]
 
     def jumps(self) -> list[Jump]:
-        """What contacts let jump."""
+        """The jumps due to contacts."""
         return self.contacts.jumps()
 
     def complete(self) -> None:
-        """Once the definitions are known: options of contacts, poses."""
+        """Evaluate options of contacts and poses, once the definitions are known."""
         self.contacts.complete()
         self.poses = Poses(self.context, self.scope, self.contacts.heights)
 
     def pose(self, statement: syntax.Pose, where: FrameRange) -> list[Relation]:
-        """The rows of a pose under `constraints:`; those of a single frame wait for :meth:`relations`."""
+        """The constraints of a pose under `constraints:`; those of a single frame are kept for :meth:`relations`."""
         assert self.poses is not None
         if statement.base.name == "periodic":
             rows = self.poses.rows(statement) or []
@@ -92,7 +92,7 @@ class ModelStatements:
         return []
 
     def relations(self, given: Mapping[str, list[Expr]]) -> Iterator[Relation]:
-        """Everything that the model states; ``given`` are forces that the spec adds, by the coordinate's variable."""
+        """All statements of the model; ``given`` are forces that the spec adds, by the coordinate's variable."""
         context, contacts = self.context, self.contacts
         forces = self.equalities.forces()
         forces.wrenches += contacts.wrenches()
@@ -102,7 +102,7 @@ class ModelStatements:
         yield from equations_of_motion(context, self.scope, forces)
         yield from activations(context, self.scope)
         yield from bounds(context, self.scope)
-        yield from self.paths.distances.relations(context)
+        yield from self.paths.distances.relations(context.everywhere, context.span(self.scope.statement))
         yield from contacts.relations()
         yield from contacts.impacts(self.equalities)
         yield from laws(contacts)
@@ -113,7 +113,7 @@ class ModelStatements:
             yield Relation(row.body, ZERO, ZERO, FrameRange(0, 0), context.span(statement), row.text)
 
     def objective(self) -> list[ObjectiveTerm]:
-        """What the speed of landings costs."""
+        """The cost of landing speeds."""
         found = []
         for body, phase in self.contacts.prices():
             where = FrameRange(phase.frames.first, phase.frames.first)
@@ -122,7 +122,7 @@ class ModelStatements:
         return found
 
     def guess(self, pose: syntax.Pose, where: FrameRange) -> list[Guess]:
-        """A pose under `guess:`: as it stands on a range; at a single frame the way between poses leads through it."""
+        """A pose under `guess:`: on a range the guess there; at a single frame a pose to interpolate."""
         assert self.poses is not None
         if where.first != where.last:
             return self.poses.guesses(pose, where)
@@ -132,38 +132,39 @@ class ModelStatements:
         return []
 
     def guesses(self, relations: Sequence[Relation]) -> Iterator[Guess]:
-        """From pose to pose, pinned or guessed, thrown up where nothing stands; contacts that bear the weight.
+        """The guess between fixed and guessed poses, ballistic while nothing stands; contacts share the weight.
 
         Args:
             relations: those of the spec, which may fix single coordinates at a frame.
         """
+        context = self.context
         known = self._known_poses(relations)
         thrown = not self.equalities.to_world and not self.contacts.free()
         flights = self.contacts.flights() if thrown else []
-        yield from way_between(self.context, self.scope, known, flights)
+        yield from way_between(context, self.scope, known, flights)
         yield from self.contacts.guesses()
-        yield from self.paths.distances.guesses(self.context)
+        yield from self.paths.distances.guesses(context.everywhere, context.span(self.scope.statement))
 
     def free_contacts(self) -> list[FreeContact]:
-        """The contacts whose frames are left to the solver."""
+        """The contacts under ``free:``."""
         return free_contacts(self.contacts)
 
     def is_relaxed(self) -> bool:
-        """Whether contacts may be off their laws by as much as a constant."""
+        """Whether contact laws are relaxed by a constant."""
         return is_relaxed(self.contacts)
 
     def fixtures(self) -> list[Fixture]:
-        """What is held, to which the way between poses is brought."""
+        """The held constraints, which the guess should satisfy."""
         return list(self.standing.fixtures(self._known_poses(())))
 
     def root(self) -> frozenset[str]:
-        """The freedoms of bodies that hang on nothing but the world."""
+        """The degrees of freedom of bodies attached to the world."""
         bodies = self.scope.mechanism.bodies
         first = [one for one in self.scope.coordinates if bodies[one.joint.body].parent == 0]
         return frozenset(name for one in first for name in one.freedoms)
 
     def _known_poses(self, relations: Sequence[Relation]) -> dict[int, Values]:
-        """Poses, or parts of them, by frame; in a periodic motion the first and the last frame have some."""
+        """Poses, or parts of them, by frame; for a periodic motion also at the first and the last frame."""
         pinned = {frame: one.values for frame, one in self.pinned.items() if one.values is not None}
         known = self.guessed | pinned
         assert self.poses is not None
@@ -176,5 +177,5 @@ class ModelStatements:
         return known
 
     def replay(self) -> list[ReplayChannel]:
-        """The lines of the replay that the model and its contacts bring."""
+        """The replay lines of the model and its contacts."""
         return [*replay_lines(self.context, self.scope), *self.contacts.replay_lines()]

@@ -1,4 +1,4 @@
-"""Cones of contact forces, as expressions that are not negative inside."""
+"""Cones of contact forces, as expressions that are nonnegative inside."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ def sole_cone(
     half: tuple[Expr, Expr],
     friction: Expr,
 ) -> Iterator[tuple[Expr, str]]:
-    """What is not negative of a wrench that a rectangular sole can transmit (Caron, Pham and Nakamura 2015).
+    """Expressions that are nonnegative for a wrench that a rectangular sole can transmit (Caron, Pham and Nakamura
+    2015).
 
     Args:
         along: tangential forces along the sole's axes.

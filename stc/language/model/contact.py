@@ -1,12 +1,11 @@
-"""Scheduled contact in three dimensions: what the `contact:` section of a spec with a model stands for.
+"""Scheduled contact in three dimensions: the statements of the `contact:` section of a spec with a model.
 
 A contact is a place of the model (``point(site.FL)``, ``foot(geom.sole)``, ``pin(site.grip)``) that stands on a surface
 over some ranges of frames.  While it stands its acceleration is zero, and its force, a variable along the world's axes,
 is within its cone: for a point the cone of Coulomb's friction; for the sole of a foot the cone of wrenches that a
 rectangle can transmit, with the centre of pressure inside and friction against turning (Caron, Pham and Nakamura 2015).
-While it does not stand it has no force, and keeps clear of the surface.  Position and velocity are fixed where a phase
-begins; the later frames follow from the acceleration.  Where it lands at speed an impulse within the same cone stops
-it.
+While it does not stand it has no force, and a clearance from the surface.  At a landing with speed, an impulse within
+the same cone stops it.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ NEGLIGIBLE = 1e-4
 
 
 class Contacts(Schedule):
-    """What all contacts of a spec with a model state: forces, rows, guesses and lines of the replay."""
+    """The statements of all contacts of a spec with a model: forces, constraints, guesses and replay lines."""
 
     # ------------------------------------------------------------------- forces
 
@@ -65,7 +64,7 @@ class Contacts(Schedule):
         yield Wrench(contact.frame, force, torque)
 
     def components(self) -> Iterator[tuple[Contact, list[tuple[str, Expr]]]]:
-        """Of every contact its force variables, each with the velocity that its power is made with."""
+        """The force variables of every contact, each with the velocity conjugate to it."""
         for contact in self.contacts.values():
             velocity = self.paths.place(contact.frame)[1]
             turning = self.paths.turning(contact.frame)[0]
@@ -76,7 +75,9 @@ class Contacts(Schedule):
             yield contact, list(zip(contact.forces, rates, strict=True))
 
     def jumps(self) -> list[Jump]:
-        """Controls may jump where a contact ends or begins, the other contacts' forces too, velocities at an impact."""
+        """The jumps: controls where a contact ends or begins, the other contacts' forces too, velocities at an
+        impact.
+        """
         found: dict[tuple[int, str, int], Jump] = {}
         everything = [force for contact in self.contacts.values() for force in contact.forces]
         for contact in self.contacts.values():
@@ -111,9 +112,7 @@ class Contacts(Schedule):
     # --------------------------------------------------------------- statements
 
     def relations(self) -> Iterator[Relation]:
-        """Cones, flights and landings; what holds a standing contact is chosen by
-        :mod:`stc.language.model.assembly`.
-        """
+        """Cones, flights and landings; :mod:`stc.language.model.assembly` has the constraints of standing contacts."""
         for contact in self.contacts.values():
             forces = _variables(contact.forces)
             for phase in contact.phases:
@@ -128,7 +127,9 @@ class Contacts(Schedule):
                 yield from self._flight(contact, before, after)
 
     def _flight(self, contact: Contact, before: Phase | None, after: Phase | None) -> Iterator[Relation]:
-        """No force, and room below, between two phases, before the first, or after the last."""
+        """The statements of a flight between two phases, before the first, or after the last: no force, and
+        clearance.
+        """
         first = 0 if before is None else before.frames.last
         last = self.context.n if after is None else after.frames.first
         phase = after or before
@@ -175,7 +176,7 @@ class Contacts(Schedule):
                 yield surface.height(corner)
 
     def places(self, contact: Contact, phase: Phase) -> list[Place]:
-        """What does not change while a contact stands."""
+        """The functions that are constant while a contact stands."""
         at, velocity, _ = self.paths.place(contact.frame)
         surface, given = phase.surface, phase.place
         if contact.kind == "pin":
@@ -210,7 +211,7 @@ class Contacts(Schedule):
         return found
 
     def _centre(self, contact: Contact, phase: Phase) -> list[Place]:
-        """Where a ball that rolls is along its surface, as long as it does not turn."""
+        """The position of a rolling ball along its surface, as long as it does not turn."""
         at, velocity, _ = self.paths.place(contact.frame)
         return [
             _place(along, dot(vector(tangent), velocity), phase.place[k : k + 1])
@@ -220,7 +221,7 @@ class Contacts(Schedule):
         ]
 
     def velocities(self, contact: Contact, phase: Phase, side: str = "") -> list[Expr]:
-        """The velocity of what touches, along the surface's axes; of a foot its angular velocity too."""
+        """The velocity of the contact point along the surface's axes; for a foot its angular velocity too."""
         _, velocity, _ = self.paths.place(contact.frame)
         turning = self.paths.turning(contact.frame)[0]
         return self._on_side(self._of_contact(contact, phase, velocity, turning), side)
@@ -248,7 +249,7 @@ class Contacts(Schedule):
     def cone(
         self, contact: Contact, phase: Phase, parts: Sequence[Expr], where: FrameRange, what: str = "force"
     ) -> Iterator[Relation]:
-        """No pulling and friction; for a foot the cone of wrenches of its sole."""
+        """The cone: no pulling, and friction; for a foot the cone of wrenches of its sole."""
         if contact.kind == "pin":
             return
         surface, friction = phase.surface, contact.options["friction"]
@@ -265,7 +266,7 @@ class Contacts(Schedule):
                 hint = "a schedule states sliding in a plane, along one line"
                 self.context.error(phase.statement, message, hint)
                 return
-            way, text = num(float(phase.way)), f"{contact.name} rubs against its sliding ({what})"
+            way, text = num(float(phase.way)), f"{contact.name} has friction against its sliding ({what})"
             rubbing = along[moving[0]] + mul(way, mul(friction, up))
             yield Relation(rubbing, ZERO, ZERO, where, span, text)
             yield Relation(
@@ -298,7 +299,7 @@ class Contacts(Schedule):
             yield Relation(body, ZERO, None, where, span, f"{contact.name} {text} ({what})")
 
     def holdings(self) -> Iterator[Holding]:
-        """Every phase of every contact as something that is held."""
+        """Every phase of every contact as a :class:`Holding`."""
         for contact in self.contacts.values():
             for phase in contact.phases:
                 places = self.places(contact, phase)
@@ -321,8 +322,8 @@ class Contacts(Schedule):
                 )
 
     def impacts(self, equalities: Equalities) -> Iterator[Relation]:
-        """Where something lands: impulses of all that holds, contacts' within their cones, and the balance of every
-        momentum.
+        """The statements of landings: impulses of all held constraints, those of contacts within their cones, and the
+        balance of every momentum.
         """
         for count, frame in enumerate(self.impact_frames(), 1):
             where = FrameRange(frame, frame)
@@ -342,7 +343,7 @@ class Contacts(Schedule):
                 yield Relation(row, ZERO, ZERO, where, span, "momentum at the impact")
 
     def prices(self) -> Iterator[tuple[Expr, Phase]]:
-        """What the speed of landing costs."""
+        """The cost of landing speeds."""
         for contact in self.contacts.values():
             for phase in contact.phases:
                 if phase.landing and "landing" in contact.options:
@@ -360,7 +361,7 @@ class Contacts(Schedule):
     # -------------------------------------------------------- guesses and replay
 
     def guesses(self) -> Iterator[Guess]:
-        """Every standing contact bears an equal share of the weight."""
+        """The guess of contact forces: equal shares of the weight."""
         weight = self.scope.weight
         bearing = [c for c in self.contacts.values() if c.kind != "pin"]
         for contact in bearing:
@@ -386,7 +387,7 @@ class Contacts(Schedule):
         ]
 
     def flights(self) -> list[tuple[int, int]]:
-        """First and last frames of the stretches on which nothing stands."""
+        """First and last frames of the intervals in which nothing stands."""
         ends = sorted((p.frames.first, p.frames.last) for c in self.contacts.values() for p in c.phases)
         found, reached = [], 0
         for first, last in [*ends, (self.context.n, self.context.n)]:
@@ -396,7 +397,7 @@ class Contacts(Schedule):
         return found
 
     def replay_lines(self) -> Iterator[ReplayChannel]:
-        """What the model's own contacts should supply."""
+        """The replay lines of forces that MuJoCo's own contacts supply."""
         for contact in self.contacts.values():
             span = self.context.span(contact.statement)
             for part, name in zip(FORCES[contact.kind], contact.forces, strict=True):
@@ -404,7 +405,7 @@ class Contacts(Schedule):
 
 
 def _place(at: Expr, rate: Expr, given: Sequence[Expr]) -> Place:
-    """A coordinate that is held at its value, where that is given, or at that of the first frame."""
+    """A coordinate that is held at a given value, or at that of the first frame."""
     return Place(rate, sub(at, given[0])) if given else Place(rate, change=unchanged(at))
 
 

@@ -1,7 +1,8 @@
 """``distance(geom.A, geom.B)`` in a spec with a model.
 
-As an expression it is a smooth lower bound.  A relation that asks for no less than something, ``distance(...) >= d``,
-is made exact: some direction sees such a gap, and that direction is an unknown (:mod:`stc.mechanism.separation`).
+As an expression it is a smooth lower bound of the distance.  A relation with a lower bound, ``distance(...) >= d``, is
+stated exactly: there is a direction along which the gap is that large, and this direction is an unknown
+(:mod:`stc.mechanism.separation`).
 """
 
 from __future__ import annotations
@@ -9,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from stc.errors import Span
 from stc.language import syntax
-from stc.language.context import Context
 from stc.language.model.scope import ModelScope, PathError, parts_of, quoted
-from stc.language.name_table import Entry
+from stc.language.name_table import Entry, NameTable
 from stc.mechanism.mechanism import index_of
 from stc.mechanism.separation import SHAPES, Separation, separation
 from stc.mechanism.vectors import dot
-from stc.problem import Guess, Relation, VariableRef
+from stc.problem import FrameRange, Guess, Relation, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import derivative
 from stc.symbolic.expr import ONE, ZERO, Expr, add, call, mul, num, reachable, sub, substitute, sym
@@ -27,11 +28,11 @@ _MARGIN = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two geoms whose distance a spec speaks of.
+    """Two geoms whose distance a spec uses.
 
     Attributes:
-        name: what the unknowns of the pair begin with.
-        apart: what lies between them.
+        name: beginning of the names of the pair's unknowns.
+        apart: the separation of the two.
         bound: the smooth lower bound.
     """
 
@@ -46,13 +47,15 @@ class Pair:
 
     @property
     def widths(self) -> list[str]:
-        """The names of what the direction sees at most of each half segment but the first."""
+        """The names of the unknowns that bound the extent of the half segments along the direction; the first has
+        none.
+        """
         return [f"{self.name}.w{k}" for k in range(1, len(self.apart.halves))]
 
 
 @dataclass(slots=True)
 class Distances:
-    """The distances that a spec speaks of.
+    """The distances that a spec uses.
 
     Attributes:
         pairs: by their smooth bounds.
@@ -69,7 +72,7 @@ class Distances:
         """The smooth lower bound of ``distance(geom.A, geom.B)``.
 
         Raises:
-            PathError: there is no such distance.
+            PathError: the distance is not defined.
         """
         if len(call.arguments) != 2:
             raise PathError(
@@ -110,10 +113,10 @@ class Distances:
         return index
 
     def exact(self, relation: Relation, value: Callable[[Expr], float | None]) -> list[Relation]:
-        """A relation with the distances that it bounds from below stated exactly; others as they are.
+        """A relation with its lower bounds on distances stated exactly; other relations unchanged.
 
         Args:
-            value: gives the number of an expression of constants, which then shapes the problem; None of others.
+            value: function that evaluates an expression of constants, which then becomes structural; None for others.
         """
         found: list[Relation] = []
         for lower, upper, sign in ((relation.lower, None, 1.0), (None, relation.upper, -1.0)):
@@ -139,7 +142,7 @@ class Distances:
 
     @staticmethod
     def _is_apart(pair: Pair, alone: bool, asked: Expr, value: Callable[[Expr], float | None]) -> bool:
-        """Whether what is asked for keeps the cores of a pair apart, so that its direction may be shorter than 1.
+        """Whether the required distance keeps the cores of a pair apart, so that its direction may be shorter than 1.
 
         Cores with radii around them are apart at any distance that people ask for; boxes where it is above 0.
         """
@@ -154,7 +157,7 @@ class Distances:
         return [(node, self.pairs[node]) for node in reachable([body]) if node in self.pairs]
 
     def _gaps(self, pair: Pair) -> list[Expr]:
-        """Expressions of which the least is the distance, where the pair's unknowns are the best ones."""
+        """Expressions whose minimum is the distance, for the best values of the pair's unknowns."""
         if pair.apart.is_smooth:
             return [pair.bound]
         if not pair.apart.has_direction:
@@ -163,22 +166,21 @@ class Distances:
         return pair.apart.gaps(_symbols(pair.direction), _symbols(pair.widths))
 
     def unknowns(self) -> list[str]:
-        """The variables by which relations are exact."""
+        """The additional variables of exact relations."""
         return [name for pair in self.stated.values() for name in (*pair.direction, *pair.widths)]
 
-    def declare(self, context: Context) -> None:
-        """Make variables of the directions that relations have asked for."""
+    def declare(self, table: NameTable) -> None:
+        """Declare the directions that relations need as variables."""
         at = self.scope.statement
         for name in self.unknowns():
-            context.table.entries.setdefault(name, Entry(name, "variable", at.start, at.end, None, True))
+            table.entries.setdefault(name, Entry(name, "variable", at.start, at.end, None, True))
 
-    def relations(self, context: Context) -> Iterator[Relation]:
-        """What directions are: vectors of length 1, which see so much of every half segment.
+    def relations(self, where: FrameRange, span: Span) -> Iterator[Relation]:
+        """Constraints on directions: length 1, and upper bounds on the extent of every half segment.
 
-        A shorter one sees a smaller gap where there is one: it need not be excluded there, and a solve that begins
-        where things overlap finds its way out sooner.
+        A shorter direction gives a smaller gap, so that it need not be excluded if there is a gap; a solve that starts
+        with overlapping geoms then converges faster.
         """
-        where, span = context.everywhere, context.span(self.scope.statement)
         for pair in self.stated.values():
             n = _symbols(pair.direction)
             least = ONE if pair.name in self.overlapping else None
@@ -189,9 +191,8 @@ class Distances:
                         body, ZERO, None, where, span, f"{name} is what {pair.name} sees of a side"
                     )
 
-    def guesses(self, context: Context) -> Iterator[Guess]:
-        """Directions between the points that are nearly nearest, where the motion starts."""
-        where, span = context.everywhere, context.span(self.scope.statement)
+    def guesses(self, where: FrameRange, span: Span) -> Iterator[Guess]:
+        """Directions between approximate nearest points of the guess."""
         for pair in self.stated.values():
             direction = pair.apart.direction()
             for name, body in zip(pair.direction, direction, strict=True):
@@ -202,7 +203,7 @@ class Distances:
 
 
 def _share(body: Expr, part: Expr) -> float:
-    """How many times a part is in a sum; 0 where it is within something else."""
+    """The factor of a part in a sum; 0 if it is inside another expression."""
     key = sym(VariableRef("?"))
     slope = derivative(substitute(body, {}, {part: key}), VariableRef("?"))
     return float(slope.payload) if slope.op == "num" else 0.0

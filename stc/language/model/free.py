@@ -1,11 +1,11 @@
-"""Contact that nobody schedules: when a point or a sole touches is left to the solver.
+"""Contact without a schedule: the solver decides when a point or a sole touches.
 
-At the end of every step pairs decide of which each is a force and what it works against.  A point pushes only where it
-touches: its gap g and its pressure p are not negative, and g p = 0.  Friction f is within Coulomb's cone, |f| <= mu p.
+The laws hold at the end of every step, as products of a force and a conjugate quantity.  A point pushes only while it
+touches: its gap g and its pressure p are nonnegative, and g p = 0.  Friction f is within Coulomb's cone, |f| <= mu p.
 
-As under a schedule a point stands still where it touches: p v = 0, with the velocity v along the surface, in that step
-and in the next one, lest it comes down on every other frame and slips in between.  A sole stands flat: its gap is that
-of all corners, and its wrench in the cone of a rectangle.  A point that ``slides`` may move, and then friction
+As with a schedule, a point does not slip while it touches: p v = 0, with the velocity v along the surface, in that step
+and in the next one; otherwise it would touch down on every other frame and slip between.  A sole stands flat: its gap
+is that of all corners, and its wrench in the cone of a rectangle.  A point that ``slides`` may move, and then friction
 dissipates the most it can: with the speed s,
 
     |v| <= s,    f.v + mu p s = 0
@@ -18,10 +18,10 @@ Tedrake 2014).  A speed r that goes to zero with the relaxation rounds the tip o
 limit keeps s from drifting off where no force asks for it: r^2 <= s^2 - v.v <= r^2 + 1, in m^2/s^2.  In the plane the
 sum is that of two products of numbers, 2 (f v + mu p s) = (mu p + f) (s + v) + (mu p - f) (s - v).
 
-Two methods bring the products to nothing, each where it was measured to be the better one (docs/complementarity.md).
-What stands, and what slides in space, may be off its law by as much as a constant, which the solve brings down
-(Scholtes 2001, :mod:`stc.relaxing`): at zero no point has room on all sides.  What slides in the plane is stated by
-complementary pairs, whose products are an exact penalty (:mod:`stc.solver.complementarity`).
+Two methods reduce the products to zero, each where it performed better (docs/complementarity.md).
+The laws of standing contacts and of those that slide in three dimensions are relaxed by a constant, which the solve
+reduces (Scholtes 2001, :mod:`stc.relaxing`): at zero no point has room on all sides.  What slides in the plane is
+stated by complementary pairs, whose products are an exact penalty (:mod:`stc.solver.complementarity`).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ RATE = 10.0
 
 
 def laws(contacts: Contacts) -> Iterator[Relation]:
-    """The relations of gap, pressure and friction that stand for the contacts under ``free:``."""
+    """The relations of gap, pressure and friction for the contacts under ``free:``."""
     for contact, found in zip(contacts.free(), free_contacts(contacts), strict=True):
         assert contact.free is not None
         yield from _laws(contacts, contact, contact.free, found)
@@ -53,7 +53,7 @@ def laws(contacts: Contacts) -> Iterator[Relation]:
 
 
 def free_contacts(contacts: Contacts) -> list[FreeContact]:
-    """What tells of each contact that is free how it touches and moves."""
+    """The gap, pressure and slip of each free contact."""
     found = []
     for contact in contacts.free():
         phase = contact.free
@@ -71,7 +71,7 @@ def free_contacts(contacts: Contacts) -> list[FreeContact]:
 
 
 def is_relaxed(contacts: Contacts) -> bool:
-    """Whether a constant tells how far free contacts may be off their laws."""
+    """Whether a constant relaxes the laws of free contacts."""
     found = zip(contacts.free(), free_contacts(contacts), strict=True)
     return any(not _by_pairs(contact, one) for contact, one in found)
 
@@ -92,7 +92,7 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     for gap in found.gaps:
         yield row(gap, ZERO, None, f"is not below the {surface.name}")
     yield row(pressure, ZERO, None, "pushes")
-    yield row(mul(pressure, sum_of(found.gaps)), None, allowed, "pushes where it touches")
+    yield row(mul(pressure, sum_of(found.gaps)), None, allowed, "pushes only where it touches")
     if len(along) == 1 and contact.kind == "point":
         for sign in (1.0, -1.0):
             yield row(sub(friction, mul(num(sign), along[0][0])), ZERO, None, "has friction within its cone")
@@ -103,7 +103,7 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     moving = [rate for rate in found.slip if rate is not ZERO]
     if not contact.says("slides"):
         for rate in moving:
-            yield row(mul(pressure, rate), neg(allowed), allowed, "stands still where it touches")
+            yield row(mul(pressure, rate), neg(allowed), allowed, "does not slip where it touches")
             if contact.kind == "point":
                 body, before = mul(pressure, _in_the_next_step(rate)), FrameRange(1, phase.frames.last - 1)
                 text = f"{contact.name} stands still until it has left"
@@ -111,14 +111,14 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
         return
     slip, still = sym(VariableRef(contact.slip)), mul(num(RATE), sym(ConstantRef(RELAXATION)))
     squares = sum_of([mul(still, still), *(mul(rate, rate) for rate in moving)])
-    yield row(slip, ZERO, None, "slides at no negative speed")
-    yield row(sub(mul(slip, slip), squares), ZERO, ONE, "slides as fast as it moves")
+    yield row(slip, ZERO, None, "has a sliding speed of at least 0")
+    yield row(sub(mul(slip, slip), squares), ZERO, ONE, "has the sliding speed of its point")
     power = sum_of([*(mul(part, rate) for part, rate in along), mul(friction, sub(slip, still))])
-    yield row(power, None, allowed, "rubs against its sliding, as much as it can")
+    yield row(power, None, allowed, "has full friction against its sliding")
 
 
 def _along(contact: Contact, found: FreeContact) -> list[tuple[Expr, Expr]]:
-    """The force and the velocity of a contact along each axis of its surface along which it can move."""
+    """The force and the velocity of a contact along each axis of its surface in which it can move."""
     assert contact.free is not None
     force = _force(contact)
     return [
@@ -129,14 +129,14 @@ def _along(contact: Contact, found: FreeContact) -> list[tuple[Expr, Expr]]:
 
 
 def _by_pairs(contact: Contact, found: FreeContact) -> bool:
-    """Whether complementary pairs state the laws of a contact: where it may slide, along one line."""
+    """Whether the laws of a contact are complementary pairs: if it may slide along one line."""
     return contact.says("slides") and len(_along(contact, found)) == 1
 
 
 def _pairs(
     contact: Contact, found: FreeContact, where: FrameRange, friction: Expr, force: Expr, rate: Expr
 ) -> Iterator[Relation]:
-    """Touching and sliding along a line, each side in a unit of its own: shares of the weight, m and 10 m/s."""
+    """Touching and sliding along a line, each side scaled: by the weight, 1 m and 10 m/s."""
 
     def pair(one: Expr, other: Expr, text: str) -> list[Relation]:
         return complementary_relations(
@@ -145,16 +145,16 @@ def _pairs(
 
     slip = sym(VariableRef(contact.slip))
     for gap in found.gaps:
-        yield from pair(found.pressure, gap, "pushes where it touches")
-    text = f"{contact.name} slides as fast as it moves"
+        yield from pair(found.pressure, gap, "pushes only where it touches")
+    text = f"{contact.name} has the sliding speed of its point"
     yield Relation(sub(mul(slip, slip), mul(rate, rate)), None, ONE, where, found.span, text)
     for sign in (num(1.0), num(-1.0)):
         room, ahead = friction + mul(sign, force), div(slip + mul(sign, rate), num(RATE))
-        yield from pair(room, ahead, "rubs against its sliding")
+        yield from pair(room, ahead, "has friction against its sliding")
 
 
 def _first_frame(contact: Contact, found: FreeContact) -> Iterator[Relation]:
-    """Nothing acts before the first step: what frame 0 is given is that step's."""
+    """No forces before the first step: values at frame 0 are those of that step."""
     where = FrameRange(0, 0)
     for name in (*contact.forces, *([contact.slip] if contact.says("slides") else [])):
         body = sub(sym(VariableRef(name)), sym(VariableRef(name, 0, 1, 1)))
@@ -167,6 +167,6 @@ def _force(contact: Contact) -> Vector:
 
 
 def _in_the_next_step(e: Expr) -> Expr:
-    """What an expression is at the end of the step after."""
+    """The value of an expression at the end of the next step."""
     keys = [key for key in symbols(e) if isinstance(key, VariableRef)]
     return substitute(e, {key: sym(replace(key, shift=key.shift + 1)) for key in keys})

@@ -1,4 +1,4 @@
-"""What holds parts of a model in place over some frames: standing contacts, and the model's equality constraints."""
+"""Constraints that hold over some frames: standing contacts, and the model's equality constraints."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from stc.symbolic.expr import Expr, sub, substitute, sym, symbols
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """A function of the configuration that does not change while something is held.
+    """A function of the configuration that is constant while a constraint holds.
 
     Attributes:
         rate: its time derivative, or another function of the velocities that vanishes with it.
-        zero: what is 0 at every frame, where the value is known.
-        change: what is 0 from a frame to the next one, where the value is that of the first frame, whatever it is.
-        start: whether the value holds at the first frame alone, as the place of a ball that rolls on from there.
+        zero: expression that is 0 at every frame, if the value is known.
+        change: expression that is 0 between neighbouring frames, if the value is that of the first frame.
+        start: whether the value holds at the first frame alone, as for the place of a rolling ball.
     """
 
     rate: Expr
@@ -33,7 +33,7 @@ class Place:
     start: bool = False
 
     def known(self, pose: Mapping[str, Expr]) -> Place:
-        """The same where a pose says what the value is: joined to that, and not each frame to the next one."""
+        """The same constraint with a value known from a pose, in place of that of the first frame."""
         if self.change is None:
             return self
         keys = [key for key in symbols(self.change) if isinstance(key, VariableRef)]
@@ -44,20 +44,20 @@ class Place:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Holding:
-    """Something that is held over some frames: its places, velocities and accelerations stay what they are.
+    """A constraint over some frames: its places are constant, its velocities and accelerations zero.
 
     Attributes:
-        name: what it is called in texts of statements.
-        path: the same for the names of its unknowns.
-        frames: on which it holds.
-        span: what it is there for.
-        places: what of it does not change.
-        nearly: what of it hardly changes: it is no row, but a guess in which it does not is a good one.
-        velocities, accelerations: what is 0, and its rates.
-        landing: whether an impact begins it, so that velocities are held from after that on.
-        at: the place in the world of what is held fixed there.
-        height: the distance from the surface where a contact stands on one.
-        surface: what that is called.
+        name: its name in the texts of statements.
+        path: its name in the names of its unknowns.
+        frames: the frames on which it holds.
+        span: the statement in the spec.
+        places: functions that are constant.
+        nearly: functions that hardly change; they are not constrained, but should be constant in the guess.
+        velocities, accelerations: expressions that are 0, and their rates.
+        landing: whether it begins with an impact, so that velocities are zero after it.
+        at: the position in the world of a fixed point.
+        height: the distance from the surface of a standing contact.
+        surface: the name of that surface.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Holding:
     surface: str = ""
 
     def stands(self, step: int) -> bool:
-        """Whether it holds over the step that begins at a frame."""
+        """Whether the constraint holds over the step that begins at a frame."""
         return self.frames.first <= step < self.frames.last
 
 
@@ -85,7 +85,7 @@ def one_frame_on(e: Expr) -> Expr:
 
 
 def unchanged(e: Expr) -> Expr:
-    """What is 0 where a function of the configuration is the same at the next frame."""
+    """An expression that is 0 if a function of the configuration is the same at the next frame."""
     return sub(one_frame_on(e), e)
 
 
@@ -104,25 +104,25 @@ class Equalities:
 
     @property
     def to_world(self) -> bool:
-        """Whether one of them holds a part of the model to what nothing moves."""
+        """Whether one of them connects a part of the model to the world."""
         return any(frame.segment == WORLD for _, one in self.found for frame in one.ends)
 
     def forces(self) -> Forces:
-        """What they do on the model."""
+        """Their forces on the model."""
         total = Forces()
         for name, one in self.found:
             total.include(one.act([sym(VariableRef(path_of("equality", name, part))) for part in one.names]))
         return total
 
     def impulses(self, impact: int) -> Forces:
-        """What they do on the model in an impact; these are counted from 1."""
+        """Their impulses on the model in an impact; impacts are counted from 1."""
         total = Forces()
         for name, one in self.found:
             total.include(one.act([sym(ParameterRef(part)) for part in _impulses(name, one, impact)]))
         return total
 
     def impulse_names(self, impacts: int) -> list[str]:
-        """The parameters of the impulses in so many impacts."""
+        """The parameters of the impulses of a number of impacts."""
         return [
             part
             for impact in range(1, impacts + 1)

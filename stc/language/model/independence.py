@@ -1,9 +1,9 @@
-"""Which rows of contacts and poses say something that the others do not.
+"""Removal of redundant constraints among contacts and poses.
 
-A pose that is pinned where a contact begins says where the contact is; two contacts of one rigid body say the same
-about part of its motion; and the pose at the end of a phase is in part what the contact has held since its
-beginning.  Rows that follow from others leave no unique multipliers, and on a grid they contradict each other by the
-discretisation error. They are found from Jacobians at a pose, and never reach the solver.
+A fixed pose at the start of a contact determines the place of the contact; two contacts of one rigid body constrain
+part of its motion twice; and the pose at the end of a phase is partly determined by the contact.  Redundant rows leave
+multipliers undetermined, and on a grid they contradict each other by the discretisation error.  They are found from
+Jacobians at a pose, and never reach the solver.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Matrix = NDArray[np.float64]
 
 
 class Point:
-    """A configuration at which rows are looked at.
+    """A configuration at which rows are evaluated.
 
     Args:
         values: of all coordinates, by variable.
@@ -43,7 +43,7 @@ class Point:
         return np.array([float(value) for value in self._evaluated(bodies, {})])
 
     def jacobian(self, rates: Sequence[Expr]) -> Matrix:
-        """How functions that are linear in the velocities change with each: (rows, nv)."""
+        """The derivative of functions that are linear in the velocities with respect to each: (rows, nv)."""
         unit = np.eye(self.scope.mechanism.n_freedoms)
         velocities: dict[object, Matrix] = {}
         at = 0
@@ -65,16 +65,16 @@ class Point:
 
 
 def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None = None) -> list[int]:
-    """Find the rows that are no combinations of given ones and of one another.
+    """Find the rows that are linearly independent of given ones and of one another.
 
     Parameters
     ----------
     rows, given
-        Jacobians at a configuration where nothing is aligned by chance, (k, nv) and (m, nv).
+        Jacobians at a configuration without accidental alignments, (k, nv) and (m, nv).
     seen
         The same two at a configuration that the motion goes through. Of rows that can stand for each other those are
         kept that add most there: of two points of a sole that lies along x, the second one's x says nothing while the
-        sole is level, though it does where it is tilted. Where nothing is seen, the first rows are kept.
+        sole is level, though it does where it is tilted. If no dependence is found, the first rows are kept.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None 
 
 
 def pins_to_keep(given: Matrix, pinned: Sequence[int]) -> list[int]:
-    """Of the degrees of freedom that a pose pins those that given rows leave free, the best determined first.
+    """Of the degrees of freedom that a pose fixes, those that given rows leave free, the best determined first.
 
     Args:
         given: rows that hold already, (k, nv).
@@ -134,17 +134,17 @@ def _orthonormal(rows: Matrix) -> Matrix:
 
 
 def _says_something(rest: Matrix, row: Matrix) -> bool:
-    """Whether what is left of a row beside others is more than rounding."""
+    """Whether the remainder of a row after a projection is more than rounding."""
     return float(np.linalg.norm(rest)) > DEPENDENT * max(1.0, float(np.linalg.norm(row)))
 
 
 def _rest(row: Matrix, basis: Matrix) -> Matrix:
-    """What of a row is no combination of orthonormal ones; taken away twice, for rounding."""
+    """The part of a row orthogonal to orthonormal ones; projected twice, because of rounding."""
     for _ in range(2):
         row = row - (row @ basis.T) @ basis
     return row
 
 
 def stacked(matrices: Iterable[Matrix], width: int) -> Matrix:
-    """Matrices above one another; none makes an empty one."""
+    """Matrices stacked vertically; an empty list gives an empty matrix."""
     return np.vstack([np.zeros((0, width)), *matrices])

@@ -1,7 +1,7 @@
-"""Motions that repeat with left and right swapped: what the first frame says of the last one.
+"""Periodic motions with left and right swapped: relations between the first and the last frame.
 
-The mirror is the plane y = 0.  Joints whose names differ by left and right (or ``L`` and ``R``, ``l`` and ``r``) trade
-places; the others are their own mirror images.  Whether a coordinate keeps its sign follows from the axes: in the
+The mirror is the plane y = 0.  Joints whose names differ by left and right (or ``L`` and ``R``, ``l`` and ``r``) are
+exchanged; the others are their own mirror images.  Whether a coordinate keeps its sign follows from the axes: in the
 mirror a direction turns (x, y, z) into (x, -y, z), and an axis of rotation into (-x, y, -z).
 """
 
@@ -25,7 +25,7 @@ _SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"), ("L", "R"), (
 def mirrored_rows(
     context: Context, scope: ModelScope, pose: syntax.Pose, moves: Values
 ) -> list[Stated] | None:
-    """The last frame like the first with left and right swapped, but for a displacement; None after a mistake."""
+    """The last frame equals the first with left and right swapped, apart from a displacement; None after a mistake."""
     n = context.n
     others = {one.joint.name: one for one in scope.coordinates}
     found: list[Stated] = []
@@ -76,7 +76,7 @@ def mirror_image(scope: ModelScope, values: Values) -> Values:
 
 
 def other_side(name: str, known: set[str]) -> str:
-    """The name of a joint, or of a contact, on the other side; its own where it has none."""
+    """The name of a joint, or of a contact, on the other side; its own if there is none."""
     for left, right in _SIDES:
         for here, there in ((left, right), (right, left)):
             # A single letter stands by itself: at an end, or beside something that is no letter of its case.
@@ -96,7 +96,7 @@ def other_side(name: str, known: set[str]) -> str:
 
 
 def _signs(scope: ModelScope, one: Coordinates, other: Coordinates) -> list[float] | None:
-    """Of each degree of freedom the sign that its mirror image has; None where they are no mirror images."""
+    """The sign of the mirror image of each degree of freedom; None if two joints are not mirror images."""
     if one.joint.kind != other.joint.kind:
         return None
     if one.joint.kind in ("free", "ball"):
@@ -109,6 +109,6 @@ def _signs(scope: ModelScope, one: Coordinates, other: Coordinates) -> list[floa
 
 
 def _axis(scope: ModelScope, one: Coordinates) -> np.ndarray:
-    """The axis of a joint in the world, in the pose that the model file draws."""
+    """The axis of a joint in the world, in the pose of the model file."""
     turn, _ = drawn_pose(scope.mechanism, one.joint.body)
     return turn @ np.array(one.joint.axis)

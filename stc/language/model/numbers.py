@@ -1,4 +1,4 @@
-"""Numbers of a model, such as a mass, that a spec states: by parameters, and by expressions of `set` lines."""
+"""Numbers of a model, such as a mass, that a spec sets: by parameters, and by expressions of `set` lines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from stc.symbolic.expr import Expr, num, substitute, sym
 
 
 def given_numbers(context: Context, model: ModelScope, replay: Sequence[ReplayChannel]) -> dict[object, Expr]:
-    """What stands for numbers of the model in its equations: expressions of `set` lines, declared parameters.
+    """The replacements for numbers of the model in its equations: expressions of `set` lines, declared parameters.
 
     A `set` line that would change the replay alone is noted as a mistake.
     """
@@ -38,14 +38,14 @@ def given_numbers(context: Context, model: ModelScope, replay: Sequence[ReplayCh
         if name in model.constants:
             found[ConstantRef(name)] = channel.body
         else:
-            hint = f"it is no input of the equations: give it by `constants: {name} = 0.1;` or `--set {name}=0.1`"
+            hint = f"it is not an input of the equations: give it by `constants: {name} = 0.1;` or `--set {name}=0.1`"
             message = f"`set {name}` would change the replay and not the equations"
             context.diagnostics.error(message, channel.span.start, channel.span.end, hint)
     return found
 
 
 def guesses_of_numbers(context: Context, model: ModelScope) -> list[Guess]:
-    """Parameters that are numbers of the model start at what the model has."""
+    """The guess of parameters that are numbers of the model: the model's values."""
     span = context.span(model.statement)
     return [
         Guess(name, num(value), FrameRange(0, 0), span)
@@ -55,10 +55,10 @@ def guesses_of_numbers(context: Context, model: ModelScope) -> list[Guess]:
 
 
 class Putting:
-    """Puts expressions in the place of numbers of the model.
+    """Substitutes expressions for numbers of the model.
 
     Args:
-        given: by the number's symbol what stands for it, see :func:`given_numbers`.
+        given: the replacement by the number's symbol, see :func:`given_numbers`.
     """
 
     def __init__(self, given: Mapping[object, Expr]) -> None:
@@ -69,16 +69,16 @@ class Putting:
         return substitute(e, self._given, self._memo)
 
     def bound(self, e: Expr | None) -> Expr | None:
-        """A lower or upper bound with the model's numbers in it; None where a statement has no such bound."""
+        """A lower or upper bound with the model's numbers substituted; None without a bound."""
         return None if e is None else self(e)
 
     def definitions(self, pieces: dict[str, list[DefinitionPiece]]) -> None:
-        """Put the model's numbers into definitions under range headers; ``pieces`` is changed in place."""
+        """Substitute the model's numbers in definitions under range headers; ``pieces`` is changed in place."""
         for name, known in pieces.items():
             pieces[name] = [replace(piece, body=self(piece.body)) for piece in known]
 
     def relations(self, relations: Sequence[Relation]) -> list[Relation]:
-        """Of constraints; equalities keep one expression on both sides."""
+        """Constraints with the model's numbers substituted; equalities keep one expression on both sides."""
         rows = []
         for one in relations:
             lower = self.bound(one.lower)
@@ -92,7 +92,7 @@ class Putting:
         return [replace(one, shares={key: self(e) for key, e in one.shares.items()}) for one in corrections]
 
     def fixtures(self, fixtures: Iterable[Fixture]) -> list[Fixture]:
-        """Of what the guess is brought to."""
+        """Fixtures with the model's numbers substituted."""
         return [
             replace(one, places=[self(e) for e in one.places], rates=[self(e) for e in one.rates])
             for one in fixtures

@@ -1,4 +1,4 @@
-"""Paths of a model's things as expressions: ``body.torso.x``, ``site.foot.vz``, ``com.torso.x`` and their like."""
+"""Paths of model elements as expressions: ``body.torso.x``, ``site.foot.vz``, ``com.torso.x`` and others."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ KINDS = ("body", "site", "geom")
 
 
 class Paths:
-    """Makes expressions of paths.
+    """Turns paths into expressions.
 
     Attributes:
-        derivatives: time derivatives of the places and velocities that have been asked for, which recursions along the
-            tree give with fewer operations than the chain rule would.
+        derivatives: time derivatives of the requested positions and velocities, from recursions along the tree, which
+            need fewer operations than the chain rule.
     """
 
     def __init__(self, scope: ModelScope, derivatives: dict[Expr, Expr]) -> None:
@@ -39,7 +39,7 @@ class Paths:
         self._known: dict[str, Expr] = {}
 
     def is_word(self, name: str) -> bool:
-        """Whether a plain name is a word that the model gives a meaning."""
+        """Whether a plain name has a meaning in a spec with a model."""
         return name in WORDS
 
     def is_orientation(self, name: str) -> bool:
@@ -47,7 +47,7 @@ class Paths:
         return any(name in rotation.quaternion for rotation in self.scope.rotations)
 
     def resolve(self, path: str) -> Expr:
-        """The expression of a path that is no variable.
+        """The expression of a path that is not a variable.
 
         Raises:
             PathError: there is no such thing, or it has no such field.
@@ -73,7 +73,7 @@ class Paths:
         if kind == "energy" and len(rest) == 1 and rest[0] in ("kinetic", "potential"):
             return dynamics.kinetic_energy() if rest[0] == "kinetic" else dynamics.potential_energy()
         if kind not in KINDS or not rest:
-            raise PathError(f"`{path}` is nothing of the model", self._what_there_is(kind))
+            raise PathError(f"`{path}` is not a name of the model", self._what_there_is(kind))
         return self._field(path, self.frame(kind, rest[0]), rest[1:])
 
     def _body(self, name: str) -> int:
@@ -81,7 +81,7 @@ class Paths:
         return index_of(self.scope.mechanism.bodies, name) or 0
 
     def _centre(self, path: str, body: int, field: str) -> Expr:
-        """A field of the centre of mass of a body and all that hangs on it."""
+        """A field of the centre of mass of a body with all its descendants."""
         dynamics = self.scope.dynamics
         at, velocity = dynamics.centre_of_mass(body), dynamics.centre_velocity(body)
         for e, rate in zip(at, velocity, strict=True):
@@ -126,7 +126,7 @@ class Paths:
         if call.function == "distance":
             return self.distances.of(call)
         hint = f"write one of {', '.join(f'`.{one}`' for one in PLACE_FIELDS[:9])} after it"
-        raise PathError("a point is no number", hint)
+        raise PathError("a point is not a number", hint)
 
     def point(self, call: syntax.Call, at: Sequence[Expr]) -> tuple[Frame, str]:
         """The frame of ``point(body.NAME, x, y, z)``, and the name of the body.
@@ -136,7 +136,7 @@ class Paths:
             at: x, y and z.
 
         Raises:
-            PathError: that is not what is written, or x, y and z are not the same all along a motion.
+            PathError: the call has another form, or x, y and z are not constant over a motion.
         """
         hint = "a point in a body is `point(body.NAME, x, y, z)`"
         body = call.arguments[0] if call.arguments else None
@@ -144,9 +144,9 @@ class Paths:
         if call.function != "point" or len(at) != 3:
             raise PathError(hint, "x, y and z are constants or parameters")
         if kind != "body" or len(rest) != 1:
-            raise PathError(f"`{body.name if isinstance(body, syntax.Name) else 'this'}` is no body", hint)
+            raise PathError(f"`{body.name if isinstance(body, syntax.Name) else 'this'}` is not a body", hint)
         if not all(isinstance(key, ConstantRef | ParameterRef) for part in at for key in symbols(part)):
-            raise PathError("a point that is fixed in a body has places that do not change", hint)
+            raise PathError("the coordinates of a point in a body must be constant", hint)
         self.frame(kind, rest[0])  # tells of a name that is not there
         index = index_of(self.scope.mechanism.bodies, rest[0])
         assert index is not None
@@ -162,7 +162,7 @@ class Paths:
         return self._field("point(...)", self.point(call, at)[0], fields)
 
     def place(self, frame: Frame) -> tuple[Vector, Vector, Vector]:
-        """Place, velocity and acceleration of a frame's origin in the world; each is the derivative of the one
+        """Position, velocity and acceleration of a frame's origin in the world; each is the derivative of the one
         before.
         """
         kinematics = self.scope.dynamics.kinematics
@@ -194,14 +194,14 @@ class Paths:
         if len(rest) == 2 and field in ("xaxis", "yaxis", "zaxis") and rest[1] in _AXES:
             axes = self.scope.dynamics.kinematics.axes_of(frame)
             return axes[_AXES[rest[1]]][_AXES[field[0]]]
-        what = f"`{path}` has no field `{'.'.join(rest)}`" if rest else f"`{path}` is no number"
+        what = f"`{path}` has no field `{'.'.join(rest)}`" if rest else f"`{path}` is not a number"
         hint = did_you_mean(field, PLACE_FIELDS) if rest else ""
         raise PathError(
             what, hint or f"write one of {', '.join(f'`.{one}`' for one in PLACE_FIELDS[:9])} after it"
         )
 
     def _word(self, word: str) -> Expr:
-        """`effort`: the sum of the squared forces that actuators give to joints; `power`: of these times velocity."""
+        """`effort`: the sum of the squared forces of actuators on joints; `power`: the sum of these times velocity."""
         dynamics = self.scope.dynamics
         given = dynamics.actuation()
         others = given if word == "effort" else dynamics.motion.v

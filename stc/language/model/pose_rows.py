@@ -1,4 +1,4 @@
-"""What a pose says of a frame: values of coordinates, and the rows that hold a body there."""
+"""The constraints of a pose at a frame."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Values = dict[str, Expr]
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """One row that a pose stands for: of which degree of freedom, and what is 0.
+    """One constraint of a pose: its degree of freedom, and the expression that is 0.
 
     Attributes:
-        dof: the degree of freedom that the row fixes, by its address.
-        velocity: whether it is one of velocities.
-        body: what is 0.
-        text: how it reads.
+        dof: the address of the degree of freedom that it fixes.
+        velocity: whether it fixes a velocity.
+        body: the expression that is 0.
+        text: its text in messages.
     """
 
     dof: int

@@ -1,4 +1,4 @@
-"""Poses: what `keyframe.stand`, `rest` and `periodic` say, as relations between coordinates and as guesses.
+"""Poses: `keyframe.stand`, `rest` and `periodic` as relations between coordinates and as guesses.
 
 A pose gives every coordinate a value: an expression of constants, so that a displacement may be a constant of the spec.
 An orientation r is stated by three rows, those of the vector part of conj(r) q: q and -q are the same pose, and the
@@ -27,10 +27,10 @@ REFERENCE = f"{KEYFRAME}.reference"
 
 
 class Poses:
-    """The poses that a spec may name: keyframes of the model, and those of its `poses:` section.
+    """The poses that a spec can name: keyframes of the model, and those of its `poses:` section.
 
     Attributes:
-        heights: tells how far each place of contact is above the floor.
+        heights: function that returns the height of each contact point above the floor.
     """
 
     def __init__(self, context: Context, scope: ModelScope, heights: Callable[[], list[Expr]]) -> None:
@@ -69,7 +69,7 @@ class Poses:
                     did_you_mean(name, list(values))
                     or "a pose gives values to coordinates, as in `joint.knee`"
                 )
-                self.context.error(change.name, f"`{name}` is no coordinate of the model", hint)
+                self.context.error(change.name, f"`{name}` is not a coordinate of the model", hint)
                 continue
             self.context.builder.poisoned = False
             value = self.context.builder.build(change.value)
@@ -90,7 +90,7 @@ class Poses:
     # ------------------------------------------------------------------ values
 
     def values(self, pose: syntax.Pose) -> Values | None:
-        """The value of every coordinate in a pose; None after a mistake, which is noted."""
+        """The value of every coordinate in a pose; None after a mistake, which is added."""
         values = self.named.get(pose.base.name)
         if values is None:
             known = list(self.named)
@@ -121,7 +121,7 @@ class Poses:
         heights = self.heights()
         if not heights:
             self.context.error(
-                pose, "nothing touches the floor in this spec", "declare contacts under `contact:`"
+                pose, "no contact of this spec touches the floor", "declare contacts under `contact:`"
             )
             return None
         lowest = float(Point(self.scope, numbers, constants).numbers(heights).min())
@@ -145,7 +145,7 @@ class Poses:
         )
 
     def displacement(self, shift: syntax.Vector) -> Values | None:
-        """What each coordinate of the root changes by when everything is moved by a vector; None after a mistake."""
+        """The change of each coordinate of the root when the whole model is moved by a vector; None after a mistake."""
         if len(shift.items) != 3:
             self.context.error(shift, f"a displacement has three components, not {len(shift.items)}")
             return None
@@ -217,12 +217,12 @@ class Poses:
         return [part / length for part in parts]
 
     def usual(self) -> Values:
-        """The pose to begin from where a spec names none: the model's first keyframe, else how its file draws it."""
+        """The default initial pose: the model's first keyframe, else the pose of the file."""
         poses = list(self.named.values())
         return poses[min(1, len(poses) - 1)]
 
     def repeated(self, values: Values, periodic: syntax.Pose) -> Values:
-        """Values at the end of a period: moved by what the motion advances in it, mirrored where it is."""
+        """Values at the end of a period: moved by the displacement per period, and mirrored if required."""
         if periodic.mirrored:
             values = mirror_image(self.scope, values)
         moved = values if periodic.shift is None else self._moved(values, periodic.shift)
@@ -231,7 +231,7 @@ class Poses:
     # --------------------------------------------------------------- relations
 
     def rows(self, pose: syntax.Pose) -> list[Stated] | None:
-        """What a pose, or `rest`, says of a frame; None after a mistake, which is noted."""
+        """The constraints of a pose, or of `rest`, at a frame; None after a mistake, which is added."""
         if pose.base.name == "rest":
             return list(self.at_rest())
         if pose.base.name == "periodic":
@@ -260,7 +260,7 @@ class Poses:
                 yield Stated(one.joint.dof + k, True, sym(velocity), f"{velocity} = 0")
 
     def _periodic(self, pose: syntax.Pose) -> list[Stated] | None:
-        """The last frame like the first, but for a displacement."""
+        """The last frame equals the first, apart from a displacement."""
         moves: Values | None = {}
         if pose.shift is not None:
             moves = self.displacement(pose.shift)

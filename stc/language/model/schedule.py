@@ -1,4 +1,4 @@
-"""The `contact:` section of a spec with a model, read: which places of the model stand where, and when."""
+"""The parser of the `contact:` section of a spec with a model: contacts, their places and frames."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from stc.language import syntax
 from stc.language.context import Context
 from stc.language.diagnostics import did_you_mean
 from stc.language.model.paths import PathError, Paths, parts_of
-from stc.language.model.scope import FORCES, SLIP, ModelScope
+from stc.language.model.scope import FORCES, SLIP, ModelScope, path_of
 from stc.language.model.surfaces import Surface, floor, surface_of
-from stc.mechanism.mechanism import index_of
+from stc.mechanism.mechanism import Geom, index_of
 from stc.mechanism.tree import Frame
 from stc.mechanism.vectors import Vector, vector
 from stc.problem import FrameRange
@@ -30,12 +30,12 @@ class Phase:
     """Frames on which a contact stands.
 
     Attributes:
-        frames: those.
+        frames: the first and last frame.
         statement: the line of the section.
-        surface: what it stands on.
-        place: the coordinates along the surface's two axes where they are given, and for a foot its yaw.
-        landing: counts the impacts of this contact from 1; 0 where none begins the phase.
-        way: 1 where it slides along the surface's axis, -1 where it slides against that; 0 where it stands.
+        surface: the surface on which it stands.
+        place: the coordinates along the surface's two axes if they are given, and for a foot its yaw.
+        landing: number of the impact with which it begins, from 1; 0 without an impact.
+        way: 1 if it slides along the surface's axis, -1 if it slides against it; 0 if it stands.
     """
 
     frames: FrameRange
@@ -51,10 +51,10 @@ class Contact:
     """One declared contact.
 
     Attributes:
-        frame: its place in the model: of a sphere the centre.
-        radius: of a sphere that rolls about the place, with its margin; else 0.
+        frame: its place in the model; for a sphere the centre.
+        radius: radius of a rolling sphere, with its margin; else 0.
         half: half lengths of a sole along its own axes.
-        free: where the solver decides when it stands, as a phase over the whole motion; None where ranges say it.
+        free: for a contact under ``free:``, a phase over the whole motion; None for a contact with ranges.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Contact:
 
     @property
     def slip(self) -> str:
-        """The variable for the size of a free contact's velocity along its surface."""
+        """The variable for the sliding speed of a free contact."""
         return f"{self.name}_{SLIP}"
 
     @property
@@ -79,7 +79,7 @@ class Contact:
         return [f"{self.name}_{part}" for part in FORCES[self.kind]]
 
     def says(self, word: str) -> bool:
-        """Whether an option that has no value is written."""
+        """Whether an option without a value is given."""
         return any(option.name == word for option, _ in self.statement.options)
 
     def ends(self, frame: int) -> bool:
@@ -87,7 +87,7 @@ class Contact:
         return any(phase.frames.last == frame for phase in self.phases)
 
     def impulses(self, which: str) -> list[str]:
-        """The names of the parameters of an impact, which is told by what they end with."""
+        """The names of the parameters of an impact, selected by their suffix."""
         return [
             f"{self.name}_{part.replace('f', 'j').replace('m', 'i')}{which}" for part in FORCES[self.kind]
         ]
@@ -103,7 +103,7 @@ def _declarations(tree: syntax.SpecTree) -> list[syntax.ContactDeclaration]:
 
 
 class Schedule:
-    """The contacts of a spec with a model, and when they stand.
+    """The contacts of a spec with a model, and their phases.
 
     Frames are known from the start; options and places once the definitions are.
     """
@@ -163,7 +163,7 @@ class Schedule:
         self.contacts[statement.name.name] = found
 
     def _placed(self, statement: syntax.ContactDeclaration, kind: str, where: syntax.Expression) -> Contact:
-        """A contact at its place.
+        """A contact with its place.
 
         Raises:
             PathError: the place cannot be that of a contact.
@@ -182,11 +182,15 @@ class Schedule:
             )
         of, *rest = parts_of(where.name)
         if of not in ("site", "geom", "body") or len(rest) != 1:
-            raise PathError(f"`{where.name}` is no place of the model", "write `site.NAME` or `geom.NAME`")
+            raise PathError(
+                f"`{where.name}` is not a site, geom or body of the model", "write `site.NAME` or `geom.NAME`"
+            )
         frame = self.paths.frame(of, rest[0])
         if of != "geom":
             if kind == "foot":
-                raise PathError("a foot stands on the face of a box", "write `foot(geom.NAME)`")
+                raise PathError(
+                    "`foot` needs a box geom, on whose lower face it stands", "write `foot(geom.NAME)`"
+                )
             return Contact(name, kind, statement, (of, rest[0]), frame)
         index = index_of(self.scope.mechanism.geoms, rest[0])
         assert index is not None
@@ -204,20 +208,34 @@ class Schedule:
         if geom.kind != "sphere":
             raise PathError(
                 f"the geom `{rest[0]}` is a {geom.kind}, which touches at no one point",
-                "put a site where it touches, or write `point(body.NAME, x, y, z)`",
+                self._instead(geom),
             )
         return Contact(name, kind, statement, (of, rest[0]), frame, radius=geom.size[0] + geom.margin)
+
+    def _instead(self, geom: Geom) -> str:
+        """What to write for a geom that is no sphere."""
+        body = self.scope.mechanism.bodies[geom.body].name
+        if geom.kind == "cylinder" and body:
+            x, y, z = geom.pos
+            place = f"point({path_of('body', body)}, {x:.6g}, {y:.6g}, {z:.6g})"
+            return (
+                f"a wheel rolls as a ball about its axle: `{place}, radius = {geom.size[0]:.6g}`. "
+                "A site, or a point without a radius, sticks to the floor and does not roll"
+            )
+        if geom.kind == "capsule":
+            return "its round end is a ball: `point(body.NAME, x, y, z), radius = r`"
+        return "put a site where it touches, or write `point(body.NAME, x, y, z)`"
 
     def point(self, call: syntax.Call) -> tuple[Frame, tuple[str, ...]]:
         """The frame of ``point(body.NAME, x, y, z)``, and the path of its body.
 
         Raises:
-            PathError: that is not what is written.
+            PathError: the call has another form.
         """
         numbers = [self.context.constants.value_of(part) for part in call.arguments[1:]]
         if None in numbers:
             raise PathError(
-                "a contact is at a place that is known before solving", "x, y and z are constants"
+                "the place of a contact must be known before the solve", "x, y and z are constants"
             )
         place = [float(x or 0.0) for x in numbers]
         frame, body = self.paths.point(call, [num(x) for x in place])
@@ -237,7 +255,7 @@ class Schedule:
         return float(number)
 
     def free(self) -> list[Contact]:
-        """The contacts whose frames are left to the solver."""
+        """The contacts under ``free:``."""
         return [contact for contact in self.contacts.values() if contact.free is not None]
 
     def _schedule(self, statement: syntax.ContactPlace, where: FrameRange, block: syntax.Block) -> None:
@@ -269,7 +287,7 @@ class Schedule:
             self._free(contact, phase)
 
     def _way(self, contact: Contact, statement: syntax.ContactPlace, block: syntax.Block) -> int:
-        """Which way a contact slides on a range of frames; 0 where it stands."""
+        """The direction in which a contact slides on a range of frames; 0 if it stands."""
         word = statement.slides
         if word is None:
             return 0
@@ -290,7 +308,7 @@ class Schedule:
         return WAYS.get(word.name, 0)
 
     def _free(self, contact: Contact, phase: Phase) -> None:
-        """Leave it to the solver when a contact stands."""
+        """Let the solver decide when a contact stands."""
         statement, name = phase.statement, contact.name
         if contact.free is not None:
             self.context.error(statement, f"`{name}` is free already", "one line is enough")
@@ -335,7 +353,7 @@ class Schedule:
         return sorted({p.frames.first for c in self.contacts.values() for p in c.phases if p.landing})
 
     def struck(self, frame: int) -> list[tuple[Contact, Phase, list[str]]]:
-        """What lands at a frame or stands there already, with the parameters of the impulses that it gives."""
+        """Everything that lands at a frame or already stands, with the parameters of its impulses."""
         impact = self.impact_frames().index(frame) + 1
         found = []
         for contact in self.contacts.values():
@@ -347,7 +365,7 @@ class Schedule:
         return found
 
     def complete(self) -> None:
-        """Work out options and places, which definitions may be part of."""
+        """Evaluate options and places, which may use definitions."""
         for contact in self.contacts.values():
             for option, value in contact.statement.options:
                 if value is not None:
@@ -368,7 +386,7 @@ class Schedule:
         return self.context.builder.build(node)
 
     def _friction(self, contact: Contact) -> float:
-        """Of the pair of geoms, as MuJoCo combines it; the least of them where it stands on several surfaces."""
+        """The friction of the pair of geoms, combined as in MuJoCo; the least of them for several surfaces."""
         index = index_of(self.scope.mechanism.geoms, contact.path[1]) if contact.path[0] == "geom" else None
         geom = None if index is None else self.scope.mechanism.geoms[index]
         standing = contact.phases if contact.free is None else [contact.free]

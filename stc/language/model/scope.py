@@ -1,4 +1,4 @@
-"""The model of a spec: read once, its coordinates and controls declared as variables, its numbers as constants."""
+"""The model of a spec: its coordinates and controls as variables, its numbers as constants."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from stc.mechanism.numbers import Path as SettingPath
 from stc.mechanism.read import read_model
 from stc.mechanism.refusals import KINDS, refusals, without
 from stc.mechanism.settings import changed, settable
+from stc.model_source import ADDITIONS
 from stc.problem import ConstantRef, Rotation, VariableRef
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, sym
@@ -34,7 +35,7 @@ _PART = re.compile(r'"[^"]*"|[^."]+')
 
 
 def quoted(part: str) -> str:
-    """A part of a path, in quotes where it is no plain word."""
+    """A part of a path, in quotes if it is not an identifier."""
     return part if part.isidentifier() else f'"{part}"'
 
 
@@ -44,7 +45,7 @@ def parts_of(path: str) -> list[str]:
 
 
 class PathError(Exception):
-    """A path names nothing that the model has; ``hint`` says what it does have."""
+    """A path that the model does not have; ``hint`` lists existing ones."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -52,7 +53,7 @@ class PathError(Exception):
 
 
 def path_of(kind: str, name: str, *more: str) -> str:
-    """The path of a thing of the model, as the language writes it."""
+    """The path of an element of the model, in the notation of the language."""
     return ".".join([kind, quoted(name), *more])
 
 
@@ -62,7 +63,7 @@ class Coordinates:
 
     Attributes:
         joint: the joint.
-        positions: those that are differentiated as they are: of a hinge, a slide, or a free joint's place.
+        positions: ordinary coordinates: of a hinge, a slide, or the position of a free joint.
         rotation: orientation and angular velocity of a free or ball joint.
         friction: dry friction of each degree of freedom, where the joint has any.
     """
@@ -74,7 +75,7 @@ class Coordinates:
 
     @property
     def pose(self) -> list[str]:
-        """The variables that say where the joint is, in the order of ``qpos``."""
+        """The position variables of the joint, in the order of ``qpos``."""
         return [*self.positions, *(() if self.rotation is None else self.rotation.quaternion)]
 
     @property
@@ -85,7 +86,7 @@ class Coordinates:
 
     @property
     def freedoms(self) -> list[str]:
-        """The variable that each degree of freedom is called by, in the order of ``qvel``."""
+        """The name of each degree of freedom, in the order of ``qvel``."""
         return [*self.positions, *(() if self.rotation is None else self.rotation.velocity)]
 
     @property
@@ -95,7 +96,7 @@ class Coordinates:
 
 
 def coordinates_of(joint: Joint) -> Coordinates:
-    """What the variables of a joint are called."""
+    """The names of the variables of a joint."""
     places = {"hinge": ("",), "slide": ("",), "free": ("x", "y", "z"), "ball": ()}[joint.kind]
     turning = VELOCITY if joint.kind in ("free", "ball") else ()
 
@@ -112,7 +113,7 @@ def coordinates_of(joint: Joint) -> Coordinates:
 
 
 def controls_of(actuator: Actuator) -> list[str]:
-    """The variables of an actuator's controls: called by itself, several by what each one is."""
+    """The variables of an actuator's controls; several controls have suffixes."""
     if len(actuator.controls) == 1:
         return [path_of("actuator", actuator.name)]
     inputs = actuator.inputs or [f"control{k + 1}" for k in range(len(actuator.controls))]
@@ -127,20 +128,20 @@ def activations_of(actuator: Actuator) -> list[str]:
 
 
 class _InPlace(Numbers):
-    """Derived numbers stand in expressions as they are: the kernels evaluate what holds no unknown once."""
+    """Derived numbers expanded in expressions; the kernels evaluate parts without unknowns once."""
 
     def derive(self, e: Expr, *name: str) -> Expr:
         return e
 
 
 class ModelScope:
-    """A model as a spec sees it.
+    """A model in the name space of a spec.
 
     Attributes:
-        statement: where the spec names it.
+        statement: the statement that names it.
         path: the file.
-        contact_forces: the names of the forces of the spec's contacts, each with what declares it.
-        relaxed: the constant that contacts bring whose frames are left to the solver, with its value.
+        contact_forces: the names of the forces of the spec's contacts, each with its declaration.
+        relaxed: the constant that relaxes contacts under ``free:``, with its value.
         mechanism: its numbers.
         coordinates: the variables of each joint, in the model's order.
         controls, activations: the variables of actuators, in the model's order.
@@ -183,7 +184,7 @@ class ModelScope:
         self.structural = {_text(path) for path in fixed}
 
     def number_named(self, path: Iterable[str]) -> str | None:
-        """What a number is called that shapes the equations; None of other fields of the model."""
+        """The path of a number in the equations; None for other fields of the model."""
         text = _text(path)
         shaping = {
             _text(each) for each in settable(self.mechanism) if each[0] != "geom" or each[2] != "friction"
@@ -192,7 +193,7 @@ class ModelScope:
 
     @property
     def weight(self) -> float:
-        """Of everything, in N, with the model's own numbers."""
+        """The weight of the whole model in N, from the model's own numbers."""
         pull = sum(part * part for part in self.mechanism.options.gravity) ** 0.5
         return pull * sum(body.mass for body in self.mechanism.bodies)
 
@@ -217,7 +218,7 @@ class ModelScope:
         return Motion(q, v, a)
 
     def declare(self, table: NameTable) -> None:
-        """Add the model's variables and constants to a table; names that the spec declares win."""
+        """Add the model's variables and constants to a table; names that the spec declares take precedence."""
         start, end = self.statement.start, self.statement.end
         named = [(name, "variable") for found in self.coordinates for name in found.names]
         named += [(name, "variable") for found in self.coordinates for name in found.friction]
@@ -238,7 +239,7 @@ class ModelScope:
             entry.used = True
 
     def starred(self, star: str) -> list[str]:
-        """What ``joint.*`` (hinges and slides) or ``actuator.*`` stands for."""
+        """The elements that ``joint.*`` (hinges and slides) or ``actuator.*`` stands for."""
         if star == "joint.*":
             return [found.positions[0] for found in self.coordinates if found.rotation is None]
         return self.controls if star == "actuator.*" else []
@@ -247,11 +248,11 @@ class ModelScope:
 def model_of(
     tree: syntax.SpecTree, overrides: Mapping[str, float], diagnostics: Diagnostics
 ) -> ModelScope | None:
-    """The model that a spec names, read once; None where it names none, or after a mistake, which is noted.
+    """The model that a spec names, read once; None without a model, or after a mistake, which is added.
 
     Args:
-        overrides: values from outside.  Numbers of the model that are no inputs of the compiled program, zeros above
-            all, are changed in it when they are among these.
+        overrides: values given by the caller.  Values for numbers that are not inputs of the compiled program, mainly
+            zeros, are set in the model itself.
     """
     if None not in tree.models:
         tree.models[None] = _read(tree, diagnostics)
@@ -288,17 +289,21 @@ def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
     path = _find(first, tree, diagnostics)
     if path is None:
         return None
+    added = _known_words(first.additions, ADDITIONS, "added to a model", diagnostics)
+    left = _known_words(first.without, KINDS, "left out of a model", diagnostics)
     try:
-        mechanism = read_model(path)
+        mechanism = read_model(path, additions=added)
     except StcError as error:
         diagnostics.error(str(error), first.start, first.end)
         return None
-    known = [word for word in first.without if word.name in KINDS]
-    for word in first.without:
-        if word not in known:
-            hint = did_you_mean(word.name, KINDS) or f"what can be left out is {', '.join(KINDS)}"
-            diagnostics.error(f"nothing of a model is called `{word.name}`", word.start, word.end, hint)
-    mechanism = without(mechanism, [word.name for word in known])
+    if mechanism.changes:
+        told = "; ".join(mechanism.changes[:_TOLD])
+        more = len(mechanism.changes) - _TOLD
+        told += f"; and {more} more, which `stc show {path.name}` lists" if more > 0 else ""
+        diagnostics.warning(
+            f"of {path.name} something is left out or changed: {told}", first.start, first.end
+        )
+    mechanism = without(mechanism, left)
     stated = refusals(mechanism)
     for refusal in stated:
         hint = f'leave it out knowingly with `model: "{first.path}" without {refusal.kind};`; the verdict will say so'
@@ -306,8 +311,19 @@ def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
     return None if stated else ModelScope(first, path, mechanism, list(declared_names(tree)), _relaxed(tree))
 
 
+def _known_words(
+    words: Iterable[syntax.Name], known: Mapping[str, object], what: str, diagnostics: Diagnostics
+) -> list[str]:
+    """The words that stand for something; the others are errors."""
+    for word in words:
+        if word.name not in known:
+            hint = did_you_mean(word.name, known) or f"what can be {what} is {', '.join(known)}"
+            diagnostics.error(f"`{word.name}` cannot be {what}", word.start, word.end, hint)
+    return [word.name for word in words if word.name in known]
+
+
 def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
-    """A statement once for each thing that a path with a star in it stands for; as it is where there is none."""
+    """The statements for each element that a path with a star stands for; the statement itself without a star."""
     stars = {name for name in _names_in(statement) if name.endswith(".*")}
     if not stars:
         yield statement
@@ -318,7 +334,7 @@ def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
 
 
 def is_starred(statement: syntax.Node) -> bool:
-    """Whether a statement stands for several, by a path with a star in it."""
+    """Whether a statement contains a path with a star."""
     return any(name.endswith(".*") for name in _names_in(statement))
 
 
@@ -355,6 +371,9 @@ FORCES = {
 }
 
 
+#: Of so many things that are left out or changed each is told.
+_TOLD = 3
+
 #: What ends the names of the variables for how fast free contacts slide.
 SLIP = "slip"
 
@@ -366,7 +385,7 @@ RELAXED = 1e-5
 
 
 def declared_names(tree: syntax.SpecTree) -> Iterator[tuple[str, syntax.Node]]:
-    """The names of all variables that contacts bring, each with what declares it."""
+    """The names of all variables of contacts, each with its declaration."""
     for block in tree.blocks("contact"):
         for statement in block.statements:
             if isinstance(statement, syntax.ContactDeclaration):
@@ -377,7 +396,7 @@ def declared_names(tree: syntax.SpecTree) -> Iterator[tuple[str, syntax.Node]]:
 
 
 def _relaxed(tree: syntax.SpecTree) -> dict[str, float]:
-    """The constant that free contacts bring, with its value; none where no contact is free."""
+    """The constant of free contacts with its value; None if no contact is free."""
     free = any(block.free and block.statements for block in tree.blocks("contact"))
     return {RELAXATION: RELAXED} if free else {}
 

@@ -1,4 +1,4 @@
-"""Rows of what is held: every place and velocity at every frame, and nothing that other rows imply."""
+"""The constraints of held contacts and equalities: positions and velocities at every frame, without redundant rows."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ UNUSED = "no step is corrected here"
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Frames over which the same things hold, with the rows of each that no earlier one's imply.
+    """An interval of frames with the same held constraints, and the nonredundant rows of each.
 
     Attributes:
         frames: the first and the last of them.
-        held: each with the numbers of its places and of its velocities that are rows.
+        held: each constraint with the indices of its places and velocities that are rows.
     """
 
     frames: FrameRange
@@ -47,23 +47,23 @@ class Stretch:
 
 @dataclass(slots=True)
 class Pinned:
-    """What poses say of one frame: rows with the statement that each is of, and a pose's values where there is one."""
+    """The fixed poses of one frame: rows with their statements, and a pose's values if there is one."""
 
     rows: list[tuple[Stated, syntax.Pose]] = field(default_factory=list)
     values: Values | None = None
     statement: syntax.Pose | None = None
 
     def dofs(self, velocity: bool) -> list[int]:
-        """The degrees of freedom whose place, or velocity, is pinned."""
+        """The degrees of freedom whose position, or velocity, is fixed."""
         return sorted({row.dof for row, _ in self.rows if row.velocity == velocity})
 
 
 class Standing:
-    """States what is held, and leaves out rows of it and of pinned poses that others imply.
+    """States the held constraints, without redundant rows of them and of fixed poses.
 
     Args:
         pinned: poses by frame.
-        periodic: rows that join the first frame and the last one.
+        periodic: rows that relate the first frame and the last one.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Standing:
         self.stretches = list(self._stretches())
 
     def _placed(self, one: Holding) -> Holding:
-        """The same with its place, where a pose is pinned while it is held and so says where that is."""
+        """The same constraint with its place, if a fixed pose determines it."""
         for frame, pinned in sorted(self.pinned.items()):
             if pinned.values is not None and one.frames.first <= frame <= one.frames.last:
                 values = pinned.values
@@ -94,7 +94,7 @@ class Standing:
         return one
 
     def _generic(self) -> Point:
-        """A configuration at which nothing is aligned by chance."""
+        """A generic configuration, in which nothing is aligned by chance."""
         rng = np.random.default_rng(1)
         values: dict[str, float] = {}
         for one in self.scope.coordinates:
@@ -107,7 +107,7 @@ class Standing:
         return Point(self.scope, values, self.numbers)
 
     def _drawn(self) -> Point:
-        """The model's first keyframe, or the pose that its file draws."""
+        """The model's first keyframe, or the pose of its file."""
         q = next((k.qpos for k in self.scope.mechanism.keyframes if k.name), self.scope.mechanism.start)
         values = {
             name: q[one.joint.qpos + k] for one in self.scope.coordinates for k, name in enumerate(one.pose)
@@ -115,7 +115,7 @@ class Standing:
         return Point(self.scope, values, self.numbers)
 
     def _at(self, frame: int) -> Point:
-        """The pinned pose of a frame, or the generic one."""
+        """The fixed pose of a frame, or the generic one."""
         pinned = self.pinned.get(frame)
         if pinned is None or pinned.values is None:
             return self.generic
@@ -127,7 +127,7 @@ class Standing:
     # ------------------------------------------------------------- what is held when
 
     def _stretches(self) -> Iterator[Stretch]:
-        """Stretches of steps on which the same things hold, in the order of time."""
+        """Intervals of steps with the same held constraints, in the order of time."""
         known: dict[tuple[int, ...], list[tuple[Holding, list[int], list[int]]]] = {}
         steps = []
         for step in range(max(self.context.n, 1)):
@@ -161,7 +161,7 @@ class Standing:
         ]
 
     def _independent(self, holding: Sequence[Holding], rates: Sequence[Sequence[Expr]]) -> list[list[int]]:
-        """Of each one's rows those that no earlier one's imply."""
+        """The rows of each constraint that earlier ones do not imply."""
         found: list[list[int]] = []
         for count, one in enumerate(holding):
             before = [rates[k][row] for k, rows in enumerate(found) for row in rows]
@@ -171,7 +171,7 @@ class Standing:
         return found
 
     def _seen(self, frames: FrameRange) -> Point:
-        """The pose of some frames if one is pinned there, else another one that is pinned or that the model has."""
+        """The pose of some frames if one is fixed there, else another fixed pose or one of the model."""
         posed = [frame for frame, pinned in sorted(self.pinned.items()) if pinned.values is not None]
         there = [frame for frame in posed if frames.first <= frame <= frames.last]
         return self._at((there or posed)[0]) if posed else self.drawn
@@ -179,7 +179,7 @@ class Standing:
     # ------------------------------------------------------------------------- rows
 
     def relations(self) -> Iterator[Relation]:
-        """Places, velocities and accelerations of what is held."""
+        """Positions, velocities and accelerations of held constraints."""
         for stretch in self.stretches:
             for one, places, velocities in stretch.held:
                 held = [one.places[k] for k in places]
@@ -199,7 +199,9 @@ class Standing:
         yield from self._limits()
 
     def fixtures(self, poses: Iterable[int]) -> Iterator[Fixture]:
-        """What is held, for the guess; ``poses`` are frames whose pose is known, where feet stand as it says."""
+        """The held constraints for the guess; ``poses`` are frames with known poses, which determine the places of
+        feet.
+        """
         for one in self.holdings:
             first, last = one.frames.first, one.frames.last
             reference = min([frame for frame in poses if first <= frame <= last], default=first)
@@ -236,7 +238,7 @@ class Standing:
             yield Relation(one.accelerations[k], ZERO, ZERO, frames, one.span, text)
 
     def _from_start(self, one: Holding, frames: FrameRange) -> Iterator[FrameRange]:
-        """The frames, without the first one of a periodic motion if the last one says what holds there."""
+        """The frames; without the first one of a periodic motion if the last one implies it."""
         if frames.first > 0 or not self._is_repeated(one):
             yield frames
         elif frames.last > 0:
@@ -244,7 +246,7 @@ class Standing:
             yield FrameRange(1, frames.last)
 
     def _starts(self) -> Iterator[Relation]:
-        """Places that are held where something begins and not from there on, but for those that follow from others."""
+        """Places that are fixed only at the start of a constraint, without redundant ones."""
         for one in self.holdings:
             starting = [place for place in one.places if place.start]
             frame = one.frames.first
@@ -265,7 +267,7 @@ class Standing:
     # ------------------------------------------------------------------ corrections
 
     def corrections(self) -> list[Correction]:
-        """What the links of positions and velocities give way by to places and velocities that are held."""
+        """The relaxations of the links of positions and velocities that are held."""
         if self.context.method == "central":
             return []
         found = []
@@ -292,7 +294,7 @@ class Standing:
         return Correction(frames, tuple(rates), shares)
 
     def _limits(self) -> Iterator[Relation]:
-        """Corrections are small, and nothing where there is no link for them to correct."""
+        """Bounds on corrections; zero if there is no link to correct."""
         used: dict[str, list[FrameRange]] = {}
         for correction in self.corrections():
             for name in correction.unknowns:
@@ -318,7 +320,7 @@ class Standing:
     # -------------------------------------------------------------------- periodic
 
     def _repeated(self, one: Holding) -> Holding | None:
-        """What holds at the last frame and is, by a periodic motion, this that holds at the first one."""
+        """The constraint at the last frame that periodicity maps to this one at the first frame."""
         if not self.periodic or one.frames.first > 0:
             return None
         name = one.name
@@ -328,11 +330,11 @@ class Standing:
         return last[0] if last else None
 
     def _is_repeated(self, one: Holding) -> bool:
-        """Whether the rows of the last frame hold it at the first one too."""
+        """Whether the rows of the last frame imply it at the first one too."""
         return self._repeated(one) is not None
 
     def _comes_back(self, one: Holding) -> bool:
-        """Whether it holds throughout a motion that repeats, and its last step says nothing new."""
+        """Whether the contact holds throughout a periodic motion, so that its last step is redundant."""
         names: list[str] = []
         at: Holding | None = one
         while at is not None and at.frames.last == self.context.n and at.name not in names:
@@ -343,7 +345,7 @@ class Standing:
     # ------------------------------------------------------------------------- poses
 
     def pins(self) -> Iterator[Relation]:
-        """The rows of pinned poses, but for those that follow from what is held."""
+        """The rows of fixed poses, without those that held constraints imply."""
         for frame, pinned in sorted(self.pinned.items()):
             point = self._at(frame)
             holding = [one for one in self.holdings if one.frames.first <= frame <= one.frames.last]
@@ -376,12 +378,12 @@ class Standing:
                     yield Relation(body, ZERO, ZERO, where, span, row.text)
 
     def _held(self, one: Holding, frame: int, point: Point) -> Matrix:
-        """How places that are held at a frame change with the coordinates, where it is known what they are."""
+        """The derivative of fixed places at a frame with respect to the coordinates, if they are known."""
         held = [place for place in one.places if place.zero is not None and not place.start]
         return point.jacobian([place.rate for place in held])
 
     def _check(self, holding: Sequence[Holding], frame: int, pinned: Pinned) -> None:
-        """A pinned pose has its contacts on their surfaces, and where they have been held since before."""
+        """Check that the contacts of a fixed pose are on their surfaces and at their places."""
         if pinned.statement is None or pinned.values is None:
             return
         point = self._at(frame)
@@ -397,7 +399,7 @@ class Standing:
                     self.context.error(pinned.statement, message, hint)
 
     def _check_held(self, one: Holding, frame: int, statement: syntax.Pose) -> None:
-        """A pinned pose has what is held where it has been held since before."""
+        """Check that a fixed pose agrees with the places of held constraints."""
         begin, point = self.pinned.get(one.frames.first), self._at(frame)
         zeros = [place.zero for place in one.places if place.zero is not None]
         off = float(np.abs(point.numbers(zeros)).max(initial=0.0))
@@ -413,7 +415,7 @@ class Standing:
     # ------------------------------------------------------------------------ forces
 
     def idle_forces(self) -> Iterator[Relation]:
-        """Parts of contact forces that can do nothing, such as those across the plane of a planar model, are zero."""
+        """Contact force components without effect, such as those perpendicular to a planar model, are zero."""
         contacts = self.contacts
         for contact, parts in contacts.components():
             rows = self.generic.jacobian([rate for _, rate in parts])

@@ -1,4 +1,4 @@
-"""Where a motion of a model starts from: the way between its pinned poses."""
+"""The guess for a motion of a model: interpolation between its fixed poses."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ from stc.symbolic.expr import ONE, Expr, call, div, mul, neg, num, sub, sum_of, 
 def way_between(
     context: Context, scope: ModelScope, known: Mapping[int, Values], flights: Sequence[tuple[int, int]]
 ) -> Iterator[Guess]:
-    """Starting values of all coordinates: from one known pose to the next, the shortest turn between orientations.
+    """The guess of all coordinates: interpolation between known poses, with the shortest rotation between orientations.
 
-    Where nothing touches anything the root is thrown up so that it comes down when something does, or falls from where
-    it is known to be.
+    While nothing touches, the root follows a ballistic arc to the next contact, or falls from its known position.
 
     Args:
         known: poses by frame, one at least that gives all coordinates; others may give a few.
@@ -39,7 +38,7 @@ def way_between(
 
 
 def fixed_coordinates(scope: ModelScope, relations: Sequence[Relation]) -> dict[int, Values]:
-    """What equations say of single coordinates at single frames, by frame.
+    """Values of single coordinates at single frames that equations fix, by frame.
 
     Of an orientation three components are enough: of the two quaternions that have them, the fourth one positive.
     """
@@ -67,7 +66,7 @@ def fixed_coordinates(scope: ModelScope, relations: Sequence[Relation]) -> dict[
 
 
 def _places(known: Mapping[int, Values], names: Sequence[str]) -> list[tuple[int, Values]]:
-    """The frames at which all of some coordinates are known, and the values there."""
+    """The frames at which all of some coordinates are known, with their values."""
     return [(frame, known[frame]) for frame in sorted(known) if all(name in known[frame] for name in names)]
 
 
@@ -79,7 +78,7 @@ def _thrown(
     first: int,
     last: int,
 ) -> Guess:
-    """The height of the root in a flight: an arc above the way between poses, a fall where one end is open."""
+    """The height of the root in a flight: an arc above the interpolation, or a fall if one end is open."""
     before = max([place for place in places if place[0] <= first], default=places[0], key=lambda p: p[0])
     after = min([place for place in places if place[0] >= last], default=places[-1], key=lambda p: p[0])
     index = sym(IndexRef())
@@ -97,7 +96,7 @@ def _thrown(
 
 
 def _between(first: int, a: Expr, last: int, b: Expr) -> Expr:
-    """A straight line over frames."""
+    """Linear interpolation over frames."""
     if first == last:
         return a
     share = div(sub(sym(IndexRef()), num(float(first))), num(float(last - first)))
@@ -130,7 +129,7 @@ def _straight(name: str, places: Sequence[tuple[int, Values]], context: Context)
 
 
 def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Context) -> Iterator[Guess]:
-    """The shortest turn from each orientation to the next, at a steady rate."""
+    """The shortest rotation from each orientation to the next, at a constant rate."""
     assert one.rotation is not None
     assert context.model is not None
     span = context.span(context.model.statement)

@@ -1,4 +1,4 @@
-"""What a model states by itself: equations of motion, bounds, and the lines by which MuJoCo repeats the motion."""
+"""The statements of a model alone: equations of motion, bounds, and replay lines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ROUNDED = 0.3
 
 
 def equations_of_motion(context: Context, scope: ModelScope, forces: Forces) -> list[Relation]:
-    """The row of each degree of freedom; ``forces`` are those that the model does not have by itself."""
+    """The equation of each degree of freedom; ``forces`` are those that the spec adds."""
     rows = scope.dynamics.residual(forces.wrenches, forces.on_dofs)
     span = context.span(scope.statement)
     found = []
@@ -48,7 +48,7 @@ def friction_of_tendons(scope: ModelScope) -> Forces:
 
 
 def activations(context: Context, scope: ModelScope) -> Iterator[Relation]:
-    """How the states of actuators follow their controls."""
+    """The dynamics of the states of actuators."""
     span = context.span(scope.statement)
     for name, rate in zip(scope.activations, scope.dynamics.activation_rates, strict=True):
         body = sub(sym(VariableRef(name, 1)), rate)
@@ -56,7 +56,7 @@ def activations(context: Context, scope: ModelScope) -> Iterator[Relation]:
 
 
 def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
-    """Ranges of joints and controls as bounds, ranges of forces as rows, where the model says limited."""
+    """Ranges of joints and controls as bounds, ranges of forces as constraints, if the model enables them."""
     where, span = context.everywhere, context.span(scope.statement)
 
     given = scope.dynamics.actuation()
@@ -119,7 +119,7 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
 
 
 def _clipped(x: Expr) -> Expr:
-    """A number within -1 and 1, rounded where it meets these: off by half of the rounding there, and less elsewhere."""
+    """A number clipped to [-1, 1] with rounded corners; the error is half of the rounding there, and less elsewhere."""
 
     def rounded(y: Expr) -> Expr:
         return call("sqrt", add(mul(y, y), num(_ROUNDED**2)))
@@ -128,7 +128,7 @@ def _clipped(x: Expr) -> Expr:
 
 
 def replay_lines(context: Context, scope: ModelScope) -> Iterator[ReplayChannel]:
-    """Where each joint starts, what drives each actuator, and the numbers of the model that are constants."""
+    """The replay lines of joints, actuators, and numbers of the model that are constants."""
     span = context.span(scope.statement)
     for one in scope.coordinates:
         for name in one.names:

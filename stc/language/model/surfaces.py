@@ -1,7 +1,6 @@
-"""The surfaces that contacts stand on: planes of the model, and faces of boxes that nothing moves.
+"""The surfaces for contacts: planes of the model, and faces of fixed boxes.
 
-A geom's margin is where its contacts begin to push, so that what touches comes to rest that far off it: its surface
-counts as that much farther out.
+A geom's margin is the distance at which its contacts begin to push; its surface is counted as that much farther out.
 """
 
 from __future__ import annotations
@@ -24,10 +23,10 @@ class Surface:
     """A plane in the world.
 
     Attributes:
-        name: what messages call it.
+        name: its name in messages.
         normal, tangents: unit vectors.
-        origin: where coordinates along it begin.
-        friction, priority: sliding friction of its geom, and which of two geoms decides on it.
+        origin: origin of the coordinates along it.
+        friction, priority: sliding friction of its geom, and the priority of the geom.
     """
 
     name: str
@@ -60,7 +59,7 @@ class Surface:
 
 
 def floor(scope: ModelScope) -> Surface:
-    """The model's first plane that faces upwards and nothing moves; the plane z = 0 where there is none."""
+    """The model's first fixed plane that faces upwards; the plane z = 0 if there is none."""
     for geom in scope.mechanism.geoms:
         if geom.kind == "plane" and _is_fixed(scope, geom):
             turn, at = _pose(scope, geom)
@@ -74,7 +73,7 @@ def floor(scope: ModelScope) -> Surface:
 
 
 def surface_of(scope: ModelScope, path: str) -> Surface:
-    """The surface of a geom: a plane, or the face of a box that looks up most.
+    """The surface of a geom: a plane, or the face of a box that faces upwards most.
 
     Raises:
         PathError: there is no such geom, it moves, or it has no flat face.
@@ -83,7 +82,8 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
     names = [geom.name for geom in scope.mechanism.geoms if geom.name]
     if kind != "geom" or len(rest) != 1:
         raise PathError(
-            f"`{path}` is no surface", f"write one of {', '.join(f'`geom.{quoted(n)}`' for n in names[:8])}"
+            f"`{path}` is not a surface",
+            f"write one of {', '.join(f'`geom.{quoted(n)}`' for n in names[:8])}",
         )
     index = index_of(scope.mechanism.geoms, rest[0])
     if index is None:
@@ -115,7 +115,7 @@ def _is_fixed(scope: ModelScope, geom: Geom) -> bool:
 
 
 def _pose(scope: ModelScope, geom: Geom) -> tuple[np.ndarray, np.ndarray]:
-    """Axes, as columns, and place of a geom that nothing moves."""
+    """Axes, as columns, and position of a fixed geom."""
     turn, at = drawn_pose(scope.mechanism, geom.body)
     return turn @ rotation(geom.quat), at + turn @ np.array(geom.pos)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.native import i32s, i64, native
+from stc.core.functions import function
 from stc.records import dataclass
 from stc.solver.nlp import Ints
 
@@ -149,23 +149,7 @@ def sort_by_key(keys: Int32s, count: int) -> tuple[Int32s, Int32s]:
     return order, pointers
 
 
-@native
-def _counting_sort(size: i64, keys: i32s, count: i64, pointers: i32s, order: i32s) -> None:
-    for k in range(size):
-        pointers[keys[k]] += 1
-    total = 0
-    for k in range(count):
-        run = pointers[k]
-        pointers[k] = total
-        total += run
-    for k in range(size):
-        key = keys[k]
-        order[pointers[key]] = k
-        pointers[key] += 1
-    for back in range(count):
-        k = count - back
-        pointers[k] = pointers[k - 1]
-    pointers[0] = 0
+_counting_sort = function("arranging_counting_sort")
 
 
 def enter_window(arrangement: Arrangement, stages: int) -> tuple[Int32s, Int32s]:
@@ -177,44 +161,8 @@ def enter_window(arrangement: Arrangement, stages: int) -> tuple[Int32s, Int32s]
     return pointers, entering
 
 
-@native(small=True)
-def _entry_stages(stages: i64, stage_pointers: i32s, pointers: i32s, columns: i32s, entry: i32s) -> None:
-    for stage in range(stages):
-        for k in range(stage_pointers[stage], stage_pointers[stage + 1]):
-            entry[k] = stage
-    for stage in range(stages):
-        for e in range(pointers[stage_pointers[stage]], pointers[stage_pointers[stage + 1]]):
-            entry[columns[e]] = min(entry[columns[e]], stage)
-
-
-@native(small=True)
-def window_targets(size: i64, pointers: i32s, columns: i32s, slot: i32s, stride: i64, targets: i32s) -> None:
-    """Where the N diagonal entries and those above it go in the window, (N + E,)."""
-    for k in range(size):
-        own = slot[k]
-        targets[k] = own * (stride + 1)
-        for e in range(pointers[k], pointers[k + 1]):
-            other = slot[columns[e]]
-            targets[size + e] = max(own, other) * stride + min(own, other)
-
-
-@native(small=True)
-def tops_without_leaves(
-    stages: i64,
-    stage_pointers: i32s,
-    enter_pointers: i32s,
-    entering: i32s,
-    group: i32s,
-    slot: i32s,
-    tops: i32s,
-) -> None:
-    """Slots in use at each stage, (stages,), those aside of positions whose ``group`` is negative."""
-    for stage in range(stages):
-        tops[stage] = 0
-    for stage in range(stages):
-        for place in range(enter_pointers[stage], enter_pointers[stage + 1]):
-            k = entering[place]
-            now = stage
-            while group[k] >= 0 and now < stages and stage_pointers[now] <= k:
-                tops[now] = max(tops[now], slot[k] + 1)
-                now += 1
+_entry_stages = function("arranging_entry_stages")
+#: Where the N diagonal entries and those above it go in the window, (N + E,).
+window_targets = function("arranging_window_targets")
+#: Slots in use at each stage, (stages,), those aside of positions whose ``group`` is negative.
+tops_without_leaves = function("arranging_tops_without_leaves")

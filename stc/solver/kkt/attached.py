@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.solver.kkt.contract import FINE, AttachedKKT, Inertia, KKTSystem
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.nlp import Floats

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen.calls import Bound, CallTable
 from stc.codegen.threads import parallel, record
+from stc.core.calls import Bound, CallTable
 from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain_elimination import eliminate, eliminate_run

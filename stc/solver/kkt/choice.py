@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import ranks
-from stc.core import library as core
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.frontal import FrontalKKT
@@ -97,7 +96,7 @@ def new_system(
             from stc.solver.kkt.segmented import SegmentedKKT
 
             return SegmentedKKT(couplings, stage, found)
-    if couplings.size >= WIDE * ranks(stage)[1] and core.is_there():
+    if couplings.size >= WIDE * ranks(stage)[1]:
         from stc.solver.kkt.multifrontal import MultifrontalKKT
 
         return MultifrontalKKT(*pattern, stage[:n], stage[n:])

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.solver.nlp import Floats
 
 __all__ = ["COARSE", "FINE", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import ByCopies
 from stc.solver.nlp import Floats, Ints

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, AttachedKKT, Inertia

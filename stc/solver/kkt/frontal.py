@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen.calls import Bound, chain_until
+from stc.core.calls import Bound, chain_until
 from stc.solver.kkt import attempts, pivots
 from stc.solver.kkt.arrangement import (
     Arrangement,

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.native import f64s, i32s, i64, native
-from stc.codegen.native_vector import gather8, spread8, store8
+from stc.core.functions import function
 
 __all__ = ["LISTED", "RUN", "are_worthwhile", "bring_entries", "runs_of"]
 
@@ -23,7 +22,6 @@ Int64s = NDArray[np.int64]
 #: that take turns in memory, whose runs are half as many steps and begin with step 0 and 1; then others. After these
 #: numbers come the entries.
 RUN = 4
-PAIRED = RUN
 SINGLE = RUN + RUN // 2
 LISTED = SINGLE + 1
 #: Runs of entries are brought at once where a step has so many of them that their lines leave the memory next to a
@@ -89,60 +87,5 @@ def _phase(follows: NDArray[np.bool_], length: int) -> Int64s:
     return phase
 
 
-@native(inline=True)
-def _bring_one(begin: i64, end: i64, entry: i64, count: i64, sources: i32s, given: f64s, ring: f64s) -> None:
-    """Bring an entry of some steps to where these are in ``ring``; ``sources`` are those of the first step of all."""
-    for step in range(begin, end):
-        store8(ring, 8 * (step % RUN * count + entry), gather8(given, sources, 8 * (step * count + entry)))
-
-
-@native(fast=True)
-def bring_entries(
-    step: i64, steps: i64, count: i64, runs: i32s, sources: i32s, given: f64s, ring: f64s
-) -> None:
-    """Bring the entries of a step, and of the next ones as far as they follow in memory, to ``ring``.
-
-    There, a step has its entries, ``count`` vectors, in the places of the one RUN before, which has been done with.
-    When each number is fetched at its turn, that takes eight lines of memory for a vector, and all of them for the next
-    step again.
-
-    Args:
-        steps: how many there are; runs: see ``RUN``; sources: where each step's entries are in ``given``.
-    """
-    own = sources[8 * step * count :]
-    first = 8 * count * (step % RUN)
-    second = 8 * count * ((step + 1) % RUN)
-    third = 8 * count * ((step + 2) % RUN)
-    fourth = 8 * count * ((step + 3) % RUN)
-    listed = runs[LISTED:]
-    for phase in range(RUN):
-        number = runs[phase]
-        if step % RUN == phase:
-            if step + RUN <= steps:
-                for k in range(number):
-                    at = 8 * listed[k]
-                    spread8(given, own, at, ring, first + at, second + at, third + at, fourth + at)
-            else:
-                for k in range(number):
-                    _bring_one(step, steps, listed[k], count, sources, given, ring)
-        elif step == 0:
-            for k in range(number):
-                _bring_one(0, min(phase, steps), listed[k], count, sources, given, ring)
-        listed = listed[number:]
-    for phase in range(RUN // 2):
-        number = runs[PAIRED + phase]
-        if step % (RUN // 2) == phase:
-            if step + RUN // 2 <= steps:
-                for k in range(number):
-                    one = 8 * listed[2 * k]
-                    other = 8 * listed[2 * k + 1]
-                    spread8(given, own, one, ring, first + one, first + other, second + one, second + other)
-            else:
-                for k in range(2 * number):
-                    _bring_one(step, steps, listed[k], count, sources, given, ring)
-        elif step == 0:
-            for k in range(2 * number):
-                _bring_one(0, min(phase, steps), listed[k], count, sources, given, ring)
-        listed = listed[2 * number :]
-    for k in range(runs[SINGLE]):
-        _bring_one(step, step + 1, listed[k], count, sources, given, ring)
+#: Bring the entries of a step, and of the next ones as far as they follow in memory, to ``ring``.
+bring_entries = function("lane_runs_bring_entries")

@@ -7,9 +7,6 @@ parts of a matrix are eliminated side by side, each has a ``state`` of its own; 
 
 from __future__ import annotations
 
-from stc.codegen.native import f64, f64s, i64, native
-from stc.codegen.native_vector import largest8, load8
-
 __all__ = [
     "CHECK",
     "COUNTED",
@@ -25,11 +22,6 @@ __all__ = [
     "UNWATCHED",
     "WATCHED",
     "WORST",
-    "is_doubtful",
-    "is_watched",
-    "note_watched",
-    "put_together",
-    "spread_in",
 ]
 
 #: Places in ``state``: what tests a pivot, the largest so far in each lane, should be below 1; pivots that are
@@ -50,51 +42,7 @@ FETCHED = 28
 CHECK = 32
 STATE = 40
 #: The scale is tested with one matrix in so many and one more, or, where it was far from not serving, with fewer.
-SELDOM = 3.0
 RARELY = 11.0
 #: A scale serves as long as the largest entries of all rows are within this factor of 1; that far they are not far
 #: from where it does not.
 STALE = 1024.0
-UNEASY = 32.0
-
-
-@native(inline=True)
-def is_watched(state: f64s) -> i64:
-    """Whether the scale is to be tested with the matrix at hand."""
-    state[UNWATCHED] -= 1.0
-    return 1 if state[UNWATCHED] < 0.0 else 0
-
-
-@native(inline=True)
-def spread_in(noted: f64s) -> f64:
-    """How far from 1 the largest entries of rows in segments are, from what ``eliminate`` has noted of them."""
-    return max(largest8(load8(noted, 0)), -1.0 / largest8(load8(noted, 8)))
-
-
-@native(inline=True)
-def note_watched(spread: f64, state: f64s) -> None:
-    """Note how far from 1 the largest entries of rows were when the scale was tested."""
-    state[UNWATCHED] = RARELY if spread < UNEASY else SELDOM
-
-
-@native(inline=True)
-def is_doubtful(state: f64s) -> i64:
-    """Whether factors that were not watched are not to be trusted, so that the scale has to be tested after all."""
-    if state[LARGEST] <= state[TRUSTED]:
-        return 0
-    state[UNWATCHED] = 0.0
-    return 1
-
-
-@native(small=True)
-def put_together(parts: i64, states: f64s, state: f64s) -> i64:
-    """The pivots and tests of all parts of an elimination, of which each has its own state; 1 where one was refused."""
-    state[COUNTED] = 0.0
-    state[LARGEST] = 0.0
-    for part in range(parts):
-        own = states[part * STATE :]
-        if own[COUNTED] < 0.0:
-            return 1
-        state[COUNTED] += own[COUNTED]
-        state[LARGEST] = max(state[LARGEST], own[LARGEST])
-    return 0

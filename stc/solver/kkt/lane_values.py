@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.native import f64s, fabs, i32s, i64, i64s, log, native
+from stc.core.functions import function
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.lane_program import Kind
 from stc.solver.kkt.segments import Segmentation
@@ -24,43 +24,8 @@ NOTHING = -27.0
 VANISHING = 1e-6
 UNRELIABLE = 1e-4
 
-
-@native(small=True)
-def _place(code: i64, begin: i64, end: i64, codes: i64s) -> i64:
-    """Where in increasing codes one of them is."""
-    low = begin
-    high = end
-    while high - low > 1:
-        middle = (low + high) // 2
-        if codes[middle] <= code:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-@native
-def _note_entries(
-    edges: i64, stage: i32s, code: i64s, kind: i32s, chosen: i32s, begins: i64s, codes: i64s, source: i32s, first: i32s,
-    second: i32s, given: f64s, scale: f64s, least: f64s, logs: f64s, signs: f64s, many: f64s,
-) -> None:  # fmt: skip
-    """For each code the least magnitude anywhere, and in chosen stages the sum of logarithms, that of signs, how many.
-
-    Coupling e is ``given[source[e]]``, scaled, between ``first[e]`` and ``second[e]``; stages are of a kind, or -1.
-    """
-    for e in range(edges):
-        own = stage[e]
-        if own >= 0 and kind[max(own, 0)] >= 0:
-            k = _place(code[e], begins[kind[own]], begins[kind[own] + 1], codes)
-            value = given[source[e]] * (scale[first[e]] * scale[second[e]])
-            least[k] = min(least[k], fabs(value))
-            if chosen[own] != 0:
-                logs[k] += log(max(fabs(value), TINY))
-                many[k] += 1.0
-                if value > 0.0:
-                    signs[k] += 1.0
-                elif value < 0.0:
-                    signs[k] -= 1.0
+#: For each code the least magnitude anywhere, and in chosen stages the sum of logarithms, that of signs, how many.
+_note_entries = function("lane_state_note_entries")
 
 
 def sizes_of(

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.native import i32s, i64, native
+from stc.core.functions import function
 from stc.solver.kkt.arrangement import Couplings, sort_by_key
 from stc.solver.kkt.segments import Numbered
 
@@ -109,61 +109,7 @@ def _operations(
     return np.bincount(of_stage, width * load**2, minlength=parts).astype(np.float64)
 
 
-@native
-def _ends(count: i64, pointers: i32s, target: i32s, seen: i32s, queue: i32s, begins: i32s) -> i64:
-    """Begins of level structures, one for each component: far ends of a search; how many there are."""
-    found = 0
-    for start in range(count):
-        if seen[start] >= 0:
-            continue
-        root = start
-        for attempt in range(2):
-            tail = 1
-            head = 0
-            queue[0] = root
-            seen[root] = attempt
-            while head < tail:
-                k = queue[head]
-                head += 1
-                for e in range(pointers[k], pointers[k + 1]):
-                    other = target[e]
-                    if seen[other] < attempt:
-                        seen[other] = attempt
-                        queue[tail] = other
-                        tail += 1
-            root = queue[tail - 1]
-        begins[found] = root
-        found += 1
-    return found
-
-
-@native
-def _levels_from(
-    count: i64, sources: i32s, one_by_one: i64, parts: i64, pointers: i32s, target: i32s, level: i32s, part: i32s,
-    queue: i32s,
-) -> i64:  # fmt: skip
-    """Breadth-first levels from all sources together, or from each one not reached yet; parts found so far."""
-    head = 0
-    tail = 0
-    for k in range(count):
-        one = sources[k]
-        if part[one] >= 0:
-            continue
-        part[one] = parts
-        level[one] = 0
-        queue[tail] = one
-        tail += 1
-        if one_by_one == 0 and k < count - 1:
-            continue
-        while head < tail:
-            at = queue[head]
-            head += 1
-            for e in range(pointers[at], pointers[at + 1]):
-                other = target[e]
-                if part[other] < 0:
-                    part[other] = parts
-                    level[other] = level[at] + 1
-                    queue[tail] = other
-                    tail += 1
-        parts += 1
-    return parts
+#: Begins of level structures, one for each component: far ends of a search; how many there are.
+_ends = function("arranging_ends")
+#: Breadth-first levels from all sources together, or from each one not reached yet; parts found so far.
+_levels_from = function("arranging_levels_from")

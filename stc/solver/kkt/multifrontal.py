@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import ranks
-from stc.codegen.calls import Bound
 from stc.core import library as core
+from stc.core.calls import Bound
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite
 from stc.solver.kkt.entries import ByCopies
 from stc.solver.nlp import Ints

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stc.codegen.calls import Bound
+from stc.core.calls import Bound
 from stc.records import dataclass, field
 from stc.solver.kkt.contract import COARSE
 from stc.solver.kkt.lane_state import LARGEST

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros, scattered
-from stc.codegen.calls import Bound, CallTable, chain_until
+from stc.core.calls import Bound, CallTable, chain_until
 from stc.solver.kkt import plan_calls
 from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import FINE, Inertia, NotFinite

@@ -19,16 +19,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.codegen.native import i32s, i64, native
+from stc.core.functions import function
 from stc.solver.kkt.arrangement import Couplings, sort_by_key
 
 __all__ = ["postponed"]
 
 Int32s = NDArray[np.int32]
 
-#: How an equation couples with other stages: not at all, with the next one alone, or with others: only the second kind
-#: can wait.
-ALONE, AHEAD, ELSEWHERE = 0, 1, 2
 #: What a variable is to those: known to other stages, by an equation that couples with these, or a control.
 ORDINARY, CONTROL = 1, 2
 
@@ -85,98 +82,5 @@ def postponed(
     return result
 
 
-@native(small=True)
-def _give(
-    root: i64, most: i64, stamp: i64, pointers: i32s, variables: i32s, available: i32s, owner: i32s, seen: i32s,
-    path: i32s, at: i32s,
-) -> i64:  # fmt: skip
-    """Give a row a variable of its own, be it that others change theirs; 0 where there is no way.
-
-    Args:
-        most: ORDINARY, or CONTROL where it may be one of either; available: which of them each variable is, 0 for those
-            of later stages; owner: the row that has each, -1 where none has.
-        seen: where this search, ``stamp``, has been; path, at: its rows, and how far each has been looked through.
-    """
-    depth = 0
-    path[0] = root
-    at[0] = pointers[root]
-    while depth >= 0:
-        row = path[depth]
-        if at[depth] == pointers[row + 1]:
-            depth -= 1
-            continue
-        variable = variables[at[depth]]
-        at[depth] += 1
-        if available[variable] == 0 or available[variable] > most or seen[variable] == stamp:
-            continue
-        seen[variable] = stamp
-        if owner[variable] < 0:
-            for k in range(depth + 1):
-                owner[variables[at[k] - 1]] = path[k]
-            return 1
-        depth += 1
-        path[depth] = owner[variable]
-        at[depth] = pointers[owner[variable]]
-    return 0
-
-
-@native(small=True)
-def _reach(row: i64, own: i64, following: i64, pointers: i32s, variables: i32s, stage: i32s) -> i64:
-    """How an equation of the stage ``own`` couples with others."""
-    found = ALONE
-    for e in range(pointers[row], pointers[row + 1]):
-        other = stage[variables[e]]
-        if other == following:
-            found = max(found, AHEAD)
-        elif other != own:
-            found = ELSEWHERE
-    return found
-
-
-@native(small=True)
-def _postpone(
-    n: i64, stages: i64, after: i32s, variable_order: i32s, variable_begins: i32s, row_order: i32s, row_begins: i32s,
-    waits: i32s, pointers: i32s, variables: i32s, uses: i32s, stage: i32s, available: i32s, seen: i32s, owner: i32s,
-    path: i32s, at: i32s, reach: i32s, waiting: i32s, listed: i32s,
-) -> None:  # fmt: skip
-    """Move rows to the next stage, one stage after the other.
-
-    Rows that cannot wait are given their variables first, and those that have waited before these.
-    """
-    rows = stage[n:]
-    count = 0
-    stamp = 0
-    for own in range(stages):
-        following = after[own]
-        if following == own:
-            return
-        for k in range(variable_begins[own], variable_begins[own + 1]):
-            available[variable_order[k]] = uses[variable_order[k]]
-        total = count
-        for k in range(count):
-            listed[k] = waiting[k]
-        for turn in range(2):
-            for k in range(row_begins[own], row_begins[own + 1]):
-                row = row_order[k]
-                if waits[row] != 0:
-                    if turn == 0:
-                        reach[row] = _reach(row, own, following, pointers, variables, stage)
-                    if (reach[row] == AHEAD) == (turn == 1):
-                        listed[total] = row
-                        total += 1
-        count = 0
-        for k in range(total):
-            row = listed[k]
-            stamp += 1
-            if _give(row, ORDINARY, stamp, pointers, variables, available, owner, seen, path, at) != 0:
-                continue
-            if reach[row] == AHEAD:
-                rows[row] = following
-                reach[row] = ELSEWHERE
-                waiting[count] = row
-                count += 1
-            else:
-                stamp += 1
-                _give(row, CONTROL, stamp, pointers, variables, available, owner, seen, path, at)
-        if following != own + 1:
-            count = 0  # a second part comes from the other end
+#: Move rows to the next stage, one stage after the other.
+_postpone = function("arranging_postpone")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import ranks
-from stc.codegen.native import i32s, i64, i64s, native
+from stc.core.functions import function
 from stc.records import dataclass
 from stc.solver.kkt.arrangement import Couplings, sort_by_key
 from stc.solver.kkt.lane_runs import RUN
@@ -332,83 +332,9 @@ def _span(lengths: Int64s, width: int) -> tuple[float, int]:
     return float(cost[best]), int(steps[best])
 
 
-@native(small=True)
-def _flag_border(
-    count: i64, first: i32s, second: i32s, stage: i32s, far: i32s, flagged: i32s, ahead: i32s, behind: i32s
-) -> None:  # fmt: skip
-    """Mark, of each two unknowns that are more than a stage apart, the one with more such couplings.
-
-    Others are marked in ``ahead`` and ``behind`` where they couple with one of the next stage or of that before.
-    """
-    for e in range(count):
-        a = first[e]
-        b = second[e]
-        if abs(stage[a] - stage[b]) > 1:
-            far[a] += 1
-            far[b] += 1
-    for e in range(count):
-        a = first[e]
-        b = second[e]
-        if abs(stage[a] - stage[b]) > 1 and flagged[a] == 0 and flagged[b] == 0:
-            flagged[a if far[a] > far[b] else b] = 1
-    for e in range(count):
-        a = first[e]
-        b = second[e]
-        if stage[a] != stage[b] and flagged[a] == 0 and flagged[b] == 0:
-            if stage[a] > stage[b]:
-                a, b = b, a
-            ahead[a] = 1
-            behind[b] = 1
-
-
-@native(small=True)
-def _mixed(code: i64, salt: i64) -> i64:
-    """Scramble a number, to 31 bits: sums of these tell sets of numbers apart."""
-    bits = (code + salt) & 2147483647
-    bits = (bits * 1540483477) & 2147483647
-    bits = ((bits ^ (bits // 32768)) * 1367130551) & 2147483647
-    bits = ((bits ^ (bits // 4096)) * 2026873373) & 2147483647
-    return bits ^ (bits // 65536)
-
-
-@native(small=True)
-def _codes(
-    count: i64, first: i32s, second: i32s, stage: i32s, local: i32s, border: i32s, base: i64, edge_stage: i32s,
-    edge_code: i64s, sums: i64s,
-) -> None:  # fmt: skip
-    """Stage and code of each coupling: the earlier stage, and what is the same for all stages of a kind.
-
-    ``sums`` are two scrambled sums of the codes for each stage.
-    """
-    for e in range(count):
-        a = first[e]
-        b = second[e]
-        if border[a] >= 0 or (border[b] < 0 and stage[a] > stage[b]):
-            a, b = b, a
-        own = stage[a]
-        code = 0
-        if border[a] >= 0:
-            own = -1
-        elif border[b] >= 0:
-            code = (BORDERING * base + local[a]) * base + border[b]
-        elif stage[b] > own:
-            code = (ACROSS * base + local[a]) * base + local[b]
-        else:
-            code = max(local[a], local[b]) * base + min(local[a], local[b])
-        edge_stage[e] = own
-        edge_code[e] = code
-        if own >= 0:
-            sums[2 * own] += _mixed(code, 1)
-            sums[2 * own + 1] += _mixed(code, 12345)
-
-
-@native(small=True)
-def _own_codes(
-    kind: i64, count: i64, variable: i32s, stage: i32s, local: i32s, base: i64, sums: i64s
-) -> None:  # fmt: skip
-    """The same for what concerns variables alone."""
-    for e in range(count):
-        a = variable[e]
-        code = (kind * base + local[a]) * base
-        sums[2 * stage[a]] += _mixed(code, 1)
-        sums[2 * stage[a] + 1] += _mixed(code, 12345)
+#: Mark, of each two unknowns that are more than a stage apart, the one with more such couplings.
+_flag_border = function("arranging_flag_border")
+#: Stage and code of each coupling: the earlier stage, and what is the same for all stages of a kind.
+_codes = function("arranging_codes")
+#: The same for what concerns variables alone.
+_own_codes = function("arranging_own_codes")

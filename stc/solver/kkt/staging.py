@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import distinct, ranks
-from stc.codegen.native import i32s, i64, native
+from stc.core.functions import function
 from stc.records import dataclass
 from stc.solver.kkt.ordering import LEAF
 from stc.solver.nlp import Ints
@@ -204,88 +204,11 @@ def _level_order(stage: NDArray[np.int64], first: Ints, second: Ints, count: int
     return renumbered
 
 
-@native
-def _join(count: i64, first: i32s, second: i32s, part: i32s) -> None:
-    """Unite the parts of each pair; a part is known by its smallest member."""
-    for e in range(count):
-        a = first[e]
-        b = second[e]
-        while part[a] != a:
-            part[a] = part[part[a]]
-            a = part[a]
-        while part[b] != b:
-            part[b] = part[part[b]]
-            b = part[b]
-        if a < b:
-            part[b] = a
-        else:
-            part[a] = b
+#: Unite the parts of each pair; a part is known by its smallest member.
+_join = function("arranging_join")
+_flatten = function("arranging_flatten")
 
-
-@native
-def _flatten(size: i64, part: i32s) -> None:
-    for k in range(size):
-        part[k] = part[part[k]]
-
-
-@native
-def _levels(count: i64, pointers: i32s, target: i32s, level: i32s, queue: i32s) -> None:
-    """Breadth-first levels; each component starts from a node at the far end of a first search, after the last."""
-    for k in range(count):
-        level[k] = -1
-    base = 0
-    done = 0
-    for start in range(count):
-        if level[start] >= 0:
-            continue
-        root = start
-        for attempt in range(2):
-            head = done
-            tail = done
-            queue[tail] = root
-            tail += 1
-            level[root] = base
-            while head < tail:
-                k = queue[head]
-                head += 1
-                for e in range(pointers[k], pointers[k + 1]):
-                    other = target[e]
-                    if level[other] < 0:
-                        level[other] = level[k] + 1
-                        queue[tail] = other
-                        tail += 1
-            if attempt == 0:
-                root = queue[tail - 1]
-                for k in range(done, tail):
-                    level[queue[k]] = -1
-            else:
-                base = level[queue[tail - 1]] + 1
-                done = tail
-
-
-@native
-def _assign_slots(
-    stages: i64,
-    enter_pointers: i32s,
-    entering: i32s,
-    leave_pointers: i32s,
-    leaving: i32s,
-    slot: i32s,
-    top: i32s,
-    used: i32s,
-) -> None:
-    """Give each unknown the lowest free slot when it enters, and free it after its stage."""
-    highest = 0
-    for s in range(stages):
-        free = 0
-        for k in range(enter_pointers[s], enter_pointers[s + 1]):
-            while used[free] != 0:
-                free += 1
-            used[free] = 1
-            slot[entering[k]] = free
-            highest = max(highest, free + 1)
-        while highest > 0 and used[max(highest - 1, 0)] == 0:
-            highest -= 1
-        top[s] = highest
-        for k in range(leave_pointers[s], leave_pointers[s + 1]):
-            used[slot[leaving[k]]] = 0
+#: Breadth-first levels; each component starts from a node at the far end of a first search, after the last.
+_levels = function("arranging_levels")
+#: Give each unknown the lowest free slot when it enters, and free it after its stage.
+_assign_slots = function("arranging_assign_slots")

@@ -181,7 +181,7 @@ def _terms(e: Expr, sign: float) -> list[tuple[float, Expr]]:
 
 
 def _cancel(a: Expr, b: Expr, sign: float) -> Expr | None:
-    """``a + sign*b`` without the summands that cancel, None where none do."""
+    """``a + sign*b`` without the summands that cancel; None if none cancel."""
     terms = _terms(a, 1.0) + _terms(b, sign)
     if len({rest for _, rest in terms}) == len(terms):
         return None

@@ -5,7 +5,7 @@ literals) and carries the action that performs it.  The constructors of :mod:`st
 actions registered for the operators of their operands in the order of this table, so that every expression is
 simplified as it is built and operands are always simplified already.
 
-What holds for all rules:
+All rules have these properties:
 
 - Nothing is folded to a value that is not finite: ``1/0`` and ``log(-1)`` stay as they are and evaluate to
   inf or nan.
@@ -83,7 +83,7 @@ def rule(pattern: str, result: str, op: str, *heads: str | tuple[str, ...]) -> C
 
 
 def coefficient(e: Expr) -> tuple[float, Expr]:
-    """``(l, e')`` with ``e = l*e'``: the literal factor that stands outermost, 1 where there is none."""
+    """``(l, e')`` with ``e = l*e'``: the outermost literal factor, or 1."""
     if e.op == "mul":
         first = e.args[0]
         if first.op == "num":

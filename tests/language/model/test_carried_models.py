@@ -42,7 +42,7 @@ def test_without_the_model_the_motion_is_the_same(saved: Path) -> None:
     report = validate(found)
     assert report.findings == judged.findings == []
     assert [(m.name, m.verdict) for m in report.metrics] == [(m.name, m.verdict) for m in judged.metrics]
-    assert any("the one that the solution carries is replayed" in note for note in report.notes)
+    assert any("the one stored in the solution is replayed" in note for note in report.notes)
 
 
 def test_a_motion_goes_on_from_a_carried_model(saved: Path, tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_a_part_that_is_not_carried_is_named(tmp_path: Path) -> None:
     assert stc.read(tmp_path / "motion.npz").status == "optimal"
     (tmp_path / "shell.obj").unlink()
     (tmp_path / "robot.xml").unlink()
-    with pytest.raises(SolutionError, match=r"the file carries all but shell\.obj"):
+    with pytest.raises(SolutionError, match=r"the file contains all but shell\.obj"):
         stc.read(tmp_path / "motion.npz")
 
 
@@ -105,5 +105,5 @@ def test_what_a_spec_leaves_out_is_told_in_the_verdict(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(wet, encoding="utf-8")
     (tmp_path / "motion.stc").write_text(f'model: "robot.xml" without fluid;\n{SPEC}', encoding="utf-8")
     report = validate(stc.load(tmp_path / "motion.stc").solve(), tracked=False)
-    assert any("leaves out of its model what MuJoCo simulates: fluid" in note for note in report.notes)
+    assert any("leaves out parts of its model that MuJoCo simulates: fluid" in note for note in report.notes)
     assert not report.passed

@@ -165,7 +165,7 @@ def test_a_hop_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
 def test_the_rows_are_among_the_statements(tmp_path: Path) -> None:
     problem = load(tmp_path, HOPPER, HOP).problem()
     texts = [relation.text for relation in problem.relations]
-    for what in ("is not below the floor", "pushes where it touches", "stands still where it touches"):
+    for what in ("is not below the floor", "pushes only where it touches", "does not slip where it touches"):
         assert any(text == f"foot {what}" for text in texts)
     assert problem.relaxation in problem.constants
 

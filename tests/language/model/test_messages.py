@@ -14,7 +14,7 @@ from .bodies import FEET, load, quadruped
 START = "constants: n = 10, T = 1, h = T/n;\n"
 
 CASES = {
-    "joint": ("constraints: [0]: joint.FLx = 1;", "`joint.FLx` is nothing of the model"),
+    "joint": ("constraints: [0]: joint.FLx = 1;", "`joint.FLx` is not a name of the model"),
     "body": ("constraints: body.trank.z >= 0;", "did you mean `trunk`?"),
     "field": ("constraints: body.trunk.q >= 0;", "has no field `q`"),
     "pose": ("constraints: [0]: keyframe.sit;", "there is no pose `keyframe.sit`"),

@@ -77,9 +77,9 @@ def test_a_number_that_is_zero_can_be_given(tmp_path: Path) -> None:
 
 MISTAKES = {
     "replay: set body.arm.pos.z = 0.3;": "would change the replay and not the equations",
-    "parameters: body.arm.length;": "is no number of the model that can be a parameter",
+    "parameters: body.arm.length;": "is not a number of the model that can be a parameter",
     "parameters: body.amr.mass;": "did you mean `body.arm.mass`?",
-    "variables: joint.b;": "is no number of the model that can be a variable",
+    "variables: joint.b;": "is not a number of the model that can be a variable",
     "constraints: momentum(joint.a) = 0;": "a spec with a model has no Lagrangian",
 }
 
@@ -106,7 +106,7 @@ def test_central_differences_are_refused_where_contact_changes(tmp_path: Path) -
     hopper = ARM.replace('<joint name="a"', '<joint name="z" type="slide" axis="0 0 1"/><joint name="a"')
     hopper = hopper.replace("</body>", '<site name="tip" pos="0 0 -.5"/></body>')
     spec = "constants: n = 10; method: central; contact: F = point(site.tip);\n[0, 5]: F;"
-    with pytest.raises(SpecError, match="the method `central` knows no jumps"):
+    with pytest.raises(SpecError, match="the method `central` does not support jumps"):
         load(tmp_path, hopper, spec).problem()
     whole = spec.replace("[0, 5]", "[0, n]")
     assert load(tmp_path, hopper, whole).problem().method == "central"

@@ -1,14 +1,11 @@
-"""Wide stages are for the core; without one, everything is solved all the same."""
+"""Wide stages are for a tree of fronts."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from solver.kkt.kkt_problems import Builder, Pattern, generic
 from solver.kkt.test_contract import check
 
-from stc.core import library as core
-from stc.solver.kkt import FrontalKKT
 from stc.solver.kkt.choice import new_system
 from stc.solver.kkt.multifrontal import MultifrontalKKT
 
@@ -25,14 +22,10 @@ def irregular(rng: np.random.Generator, frames: int, width: int) -> Pattern:
     return b.pattern()
 
 
-@pytest.mark.parametrize("there", [True, False], ids=["with the core", "without"])
-def test_wide_stages(monkeypatch, there):
-    if there and not core.is_there():
-        pytest.skip("the package was installed without its core")
-    monkeypatch.setattr(core, "is_there", lambda: there)
+def test_wide_stages():
     rng = np.random.default_rng(8)
     pattern = irregular(rng, 6, 60)
     held, equations = np.zeros(pattern.n, dtype=bool), np.zeros(pattern.m, dtype=bool)
     kkt = new_system(*pattern.arguments(), held, equations)
-    assert isinstance(kkt, MultifrontalKKT if there else FrontalKKT)
+    assert isinstance(kkt, MultifrontalKKT)
     check(kkt, pattern, generic(rng, pattern), rng)

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, Values, exact_inertia, generic
 
-from stc.codegen.calls import chain
+from stc.core.calls import chain
 from stc.solver.kkt import DenseKKT, FrontalKKT, Inertia
 from stc.solver.kkt.contract import AttachedKKT
 from stc.solver.kkt.multifrontal import MultifrontalKKT

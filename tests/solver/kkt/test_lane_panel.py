@@ -1,17 +1,15 @@
-"""One panel of pivots in eight matrices at once, against NumPy, with registers that hold four numbers or eight."""
+"""One panel of pivots in eight matrices at once, against NumPy, with each instruction set."""
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from core.instruction_sets import INSTRUCTIONS, need
 
 from stc.arrays import aligned_zeros
-from stc.codegen import engine, native
-from stc.codegen.native_units import Unit, symbols_of
-from stc.codegen.vector import WIDTH
+from stc.core.functions import Function
 from stc.solver.kkt.lane_panel import KNOWN, panel_vectors, take_panel
 from stc.solver.kkt.lane_program import triangle
 from stc.solver.kkt.lane_state import NEGATIVE, STATE, WORST
@@ -34,23 +32,11 @@ CASES = [
 Call = Callable[..., None]
 
 
-@pytest.fixture(scope="module", params=[4, 8, 0], ids=["four", "eight", "plain"])
+@pytest.fixture(scope="module", params=INSTRUCTIONS)
 def take(request: pytest.FixtureRequest) -> Call:
-    """``take_panel`` as machines compile it whose registers hold so many, or as plain Python."""
-    if request.param == 0:
-        return take_panel.python
-    unit = Unit([take_panel])
-    code = engine.compile_ir(unit.ir().replace(WIDTH, str(request.param)), level=1, optimise=True)
-    (symbol,) = symbols_of(unit.functions)[:1]
-    loaded = engine.load_object(code, [symbol])
-    types = [native._CTYPES.get(type_, ctypes.c_void_p) for type_ in take_panel.signature.types]
-    entry = ctypes.CFUNCTYPE(None, *types)(loaded.address(symbol))
-
-    def call(*arguments: object) -> None:
-        assert loaded is not None
-        entry(*(each.ctypes.data if isinstance(each, np.ndarray) else each for each in arguments))
-
-    return call
+    """``take_panel`` with registers of two, four and eight numbers."""
+    need(request.param)
+    return Function(take_panel.name, request.param)
 
 
 def corner_of(factors: np.ndarray, kinds: str) -> tuple[np.ndarray, np.ndarray]:
@@ -91,7 +77,7 @@ def test_a_panel_is_taken_out(take: Call, kinds: str, count: int, streamed: int)
     work = aligned_zeros(8 * i.size)
     work.reshape(-1, 8)[triangle(i, j)] = matrices[:, i, j].T
     before = work.copy()
-    vectors = panel_vectors.python(members, count)
+    vectors = panel_vectors(members, count)
     made, target = aligned_zeros(8 * vectors), aligned_zeros(8 * vectors)
     state = aligned_zeros(STATE)
     columns = np.concatenate([who, rows])
@@ -116,7 +102,7 @@ def test_a_panel_is_taken_out(take: Call, kinds: str, count: int, streamed: int)
     lower, inverse = corner_of(made, kinds)
     diagonal = np.linalg.inv(inverse)
     np.testing.assert_allclose(lower @ diagonal @ lower.transpose(0, 2, 1), inner, rtol=1e-11, atol=1e-11)
-    kept = made[8 * panel_vectors.python(members, 0) :].reshape(count, members, 8).transpose(2, 1, 0)
+    kept = made[8 * panel_vectors(members, 0) :].reshape(count, members, 8).transpose(2, 1, 0)
     own = np.linalg.solve(lower, beside)
     np.testing.assert_allclose(kept, inverse @ own, rtol=1e-11, atol=1e-11)
 
@@ -145,7 +131,7 @@ def test_a_pivot_that_is_nothing_is_noticed(take: Call, kinds: str) -> None:
         work[3] = 0.0
     state = aligned_zeros(STATE)
     sources = triangle(diagonal[:, None], diagonal[None, :]).reshape(-1).astype(np.int32)
-    nothing, made = np.zeros(0, dtype=np.int32), aligned_zeros(8 * panel_vectors.python(members, 0))
+    nothing, made = np.zeros(0, dtype=np.int32), aligned_zeros(8 * panel_vectors(members, 0))
     with np.errstate(all="ignore"):
         take(
             0, 0, members, 0, np.array([int(kind) for kind in kinds], dtype=np.int32), nothing, sources, GROWTH,

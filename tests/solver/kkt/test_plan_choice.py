@@ -10,7 +10,7 @@ from solver.kkt.kkt_problems import generic
 from solver.kkt.motions import chain_of, motion, system_of
 from solver.kkt.test_contract import check
 
-from stc.codegen.calls import Bound, CallTable
+from stc.core.calls import Bound, CallTable
 from stc.solver.kkt import DenseKKT, chain, lane_state, plan_calls, plan_choice, planned, segmented
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.lane_program import plan_panels

@@ -90,7 +90,7 @@ def test_wrong_equations_are_to_be_mended_and_not_refined() -> None:
     assert wrong != right
     certificate = certify(stc.load(wrong).solve(n=16))
     (step,) = certificate.next_steps
-    assert step.startswith("make the spec's equations and the model the same")
+    assert step.startswith("make the spec's equations and the model agree")
 
 
 @pytest.mark.parametrize(
@@ -100,12 +100,12 @@ def test_wrong_equations_are_to_be_mended_and_not_refined() -> None:
         (["open-loop drift, largest", "energy balance"], False, ["take more frames"]),
         (["open-loop drift, largest", "inverse-dynamics residual"], False, ["check the forces"]),
         (["inverse-dynamics residual"], True, ["the equations are right"]),
-        (["KKT residual", "constraint violation"], False, ["solve it more exactly"]),
+        (["KKT residual", "constraint violation"], False, ["solve with a smaller --tolerance"]),
         (["unexplained impulse"], False, ["name the contact"]),
         (
             ["friction used, solved forces in the model's cone", "tracked drift"],
             False,
-            ["state less friction"],
+            ["use less friction"],
         ),
         (["open-loop error on the ground, RMS"], False, ["take more frames"]),
         (["energy balance", "external drift, largest"], False, ["take more frames"]),

@@ -118,6 +118,6 @@ def test_forces_that_swing_from_node_to_node_are_named(tmp_path: Path, size: flo
     lines = swinging_forces(open_setup(solution))
     assert bool(lines) == told
     assert all(
-        line.startswith("contact body.rod.fz goes up and down from node to node in frames 0 to 6")
+        line.startswith("the force of contact body.rod.fz alternates from node to node in frames 0 to 6")
         for line in lines
     )

@@ -71,7 +71,7 @@ def test_the_summary_has_a_line_for_each_kind_of_check_with_the_measurement_near
     for section in table.sections(reach.metrics):
         (line,) = [line for line in lines if f"  pass  {section.title}: " in line]
         worst = max(section.metrics, key=lambda metric: table.margin(metric) or 0.0)
-        assert f"nearest is {worst.name}, {worst.subject}: " in line
+        assert f"closest: {worst.name}, {worst.subject}: " in line
 
 
 def test_the_summary_of_a_motion_that_failed_tells_what_failed_most_and_what_to_do() -> None:
@@ -83,7 +83,7 @@ def test_the_summary_of_a_motion_that_failed_tells_what_failed_most_and_what_to_
         "Physics, instant by instant: " in line and "inverse-dynamics residual" in line for line in failed
     )
     assert all(
-        re.search(r"\d+ of \d+ beyond their limits; worst is |beyond its limit; worst is ", line)
+        re.search(r"\d+ of \d+ beyond their limits; worst: |beyond its limit; worst: ", line)
         for line in failed
     )
     assert f"failed: {certificate.headline}" in lines

@@ -28,8 +28,9 @@ def lamp() -> Solution:
 
 
 def examples() -> str:
-    """The programs of the page, one after the other."""
-    return "\n".join(re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL))
+    """The programs of the page that play a motion, one after the other."""
+    text = PAGE.read_text().partition("## Animation")[0]
+    return "\n".join(re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
 
 
 def drifts(printed: str) -> list[float]:

@@ -1,0 +1,457 @@
+/* The matrix in elimination order: where each unknown and each given entry goes.
+ *
+ * Other stages than frames, for many bodies of which each couples with few others, or with none.
+ *
+ *     frames     | x1 x2 x3 ... |  then the next frame: as wide as there are bodies
+ *     levels     | x1 of all frames |  then x2: as wide as there are frames
+ *     parts      | x1 | of frame 0, of frame 1, ...  then x2, where nothing couples it with x1
+ *
+ * Elimination takes any row of stages in which unknowns couple within a stage and with the next one, and about the third
+ * power of what a stage has.  Frames are one such row.  Where a frame has many unknowns with few entries, the levels of a
+ * breadth-first search are another one (Cuthill and McKee 1969).  It starts from one unknown of all frames, at an end of
+ * the graph that frames have in common, so that a level is a body's whole motion rather than a wave across bodies and
+ * frames.  Whatever nothing couples is a part of its own, with frames or levels of its own.
+ *
+ * Equations that wait for the next stage, where the variables of a stage and of those before it are too few for them.
+ *
+ *     variables    u0   x1 u1   x2 u2   ...        x0 is given; x has two components, u one
+ *     equations      x1 = f   x2 = f               one of the first two waits for x1
+ *
+ * A chain takes all unknowns of a stage out of the window before it comes to the next one (see
+ * stc.solver.kkt.chain_elimination).  A motion that starts from a given state has more equations between its first two
+ * states than it has controls there, so that some pivot would be zero in any order.  Which ones are too many is a matter
+ * of the pattern: those that are left over where each is given a variable of its own (a maximum matching, by augmenting
+ * paths: H. W. Kuhn, The Hungarian method for the assignment problem, Naval Research Logistics Quarterly 2, 1955).
+ *
+ * Where some are too many, all those wait that would have to take a control, that is, a variable which no other stage
+ * knows of.  Controls can bring a motion to a state that is given some stages later, but hardly: pivots would be as small
+ * as powers of the step (with a double pendulum on a cart, 120 steps: 6e-13 instead of 3e-4).
+ *
+ * Where a horizon repeats itself: runs of stages with the same pattern, cut into segments of equal length.
+ *
+ *     stage    0 1 | 2 3 4 | 5 6 7 | 8 9 10 | 11 ...
+ *                  |  lane |  lane |  lane  |
+ *             rest seam 0 seam 1  seam  2   rest
+ *
+ * Segments are sewn together by unknowns of their own (see stc.solver.kkt.seams), so that each of them couples with the
+ * seams alone, or with a stage left out, and with unknowns of the last stage group (parameters) and others that couple
+ * with many stages, the border.  What is left out, the rest, is a chain again, of few stages.
+ *
+ * When each unknown enters the window of the elimination, when it leaves, and where it stands meanwhile.
+ *
+ *     stage          0      1      2      3   ...
+ *     x(0), y(0)   enters
+ *                  leaves
+ *     x(1)         enters leaves                  coupled with frame 0 through a row of stage 0
+ *     parameter    enters   .      .      .   ... leaves last: a border
+ *
+ * An unknown enters at the first stage at which any of its neighbours is eliminated and leaves at its own.  What is
+ * in the window at one time decides the cost, so unknowns whose neighbours are spread over many later stages are
+ * moved to the last of these, and stages themselves are renumbered when some other order has a smaller window. */
+#include "../native.h"
+#include "arranging.h"
+
+/* How an equation couples with other stages: not at all, with the next one alone, or with others: only the second kind
+ * can wait. */
+enum {
+    ALONE = 0,
+    AHEAD = 1,
+    ELSEWHERE = 2,
+};
+/* What a variable is to those: known to other stages, by an equation that couples with these, or a control. */
+enum {
+    ORDINARY = 1,
+    CONTROL = 2,
+};
+/* Kinds of codes of entries: inside a stage, with the next stage, with the border, on the diagonal of H; variables
+ * that are held. Without these, a segment that begins right before a waypoint has a matrix without inverse. */
+enum {
+    ACROSS = 1,
+    BORDERING = 2,
+};
+
+void arranging_counting_sort(int64_t size, const int32_t *restrict keys, int64_t count, int32_t *restrict pointers,
+                             int32_t *restrict order) {
+    for (int64_t k = 0; k < size; k++) pointers[keys[k]]++;
+    int64_t total = 0;
+    for (int64_t k = 0; k < count; k++) {
+        int64_t run = pointers[k];
+        pointers[k] = (int32_t)total;
+        total += run;
+    }
+    for (int64_t k = 0; k < size; k++) {
+        int64_t key = keys[k];
+        order[pointers[key]] = (int32_t)k;
+        pointers[key]++;
+    }
+    for (int64_t back = 0; back < count; back++) {
+        int64_t k = count - back;
+        pointers[k] = pointers[k - 1];
+    }
+    pointers[0] = 0;
+}
+
+void arranging_entry_stages(int64_t stages, const int32_t *restrict stage_pointers,
+                            const int32_t *restrict pointers, const int32_t *restrict columns,
+                            int32_t *restrict entry) {
+    for (int64_t stage = 0; stage < stages; stage++)
+        for (int64_t k = stage_pointers[stage], end_k = stage_pointers[stage + 1]; k < end_k; k++)
+            entry[k] = (int32_t)stage;
+    for (int64_t stage = 0; stage < stages; stage++) {
+        for (int64_t e = pointers[stage_pointers[stage]], end_e = pointers[stage_pointers[stage + 1]]; e < end_e;
+             e++) {
+            entry[columns[e]] = (int32_t)imin(entry[columns[e]], stage);
+        }
+    }
+}
+
+void arranging_window_targets(int64_t size, const int32_t *restrict pointers, const int32_t *restrict columns,
+                              const int32_t *restrict slot, int64_t stride, int32_t *restrict targets) {
+    for (int64_t k = 0; k < size; k++) {
+        int64_t own = slot[k];
+        targets[k] = (int32_t)(own * (stride + 1));
+        for (int64_t e = pointers[k], end_e = pointers[k + 1]; e < end_e; e++) {
+            int64_t other = slot[columns[e]];
+            targets[size + e] = (int32_t)(imax(own, other) * stride + imin(own, other));
+        }
+    }
+}
+
+void arranging_tops_without_leaves(int64_t stages, const int32_t *restrict stage_pointers,
+                                   const int32_t *restrict enter_pointers, const int32_t *restrict entering,
+                                   const int32_t *restrict group, const int32_t *restrict slot,
+                                   int32_t *restrict tops) {
+    for (int64_t stage = 0; stage < stages; stage++) tops[stage] = 0;
+    for (int64_t stage = 0; stage < stages; stage++) {
+        for (int64_t place = enter_pointers[stage], end_place = enter_pointers[stage + 1]; place < end_place;
+             place++) {
+            int64_t k = entering[place];
+            int64_t now = stage;
+            while (group[k] >= 0 && now < stages && stage_pointers[now] <= k) {
+                tops[now] = (int32_t)imax(tops[now], slot[k] + 1);
+                now++;
+            }
+        }
+    }
+}
+
+void arranging_join(int64_t count, const int32_t *restrict first, const int32_t *restrict second,
+                    int32_t *restrict part) {
+    for (int64_t e = 0; e < count; e++) {
+        int64_t a = first[e];
+        int64_t b = second[e];
+        while (part[a] != a) {
+            part[a] = part[part[a]];
+            a = part[a];
+        }
+        while (part[b] != b) {
+            part[b] = part[part[b]];
+            b = part[b];
+        }
+        if (a < b)
+            part[b] = (int32_t)a;
+        else
+            part[a] = (int32_t)b;
+    }
+}
+
+void arranging_flatten(int64_t size, int32_t *restrict part) {
+    for (int64_t k = 0; k < size; k++) part[k] = part[part[k]];
+}
+
+void arranging_levels(int64_t count, const int32_t *restrict pointers, const int32_t *restrict target,
+                      int32_t *restrict level, int32_t *restrict queue) {
+    for (int64_t k = 0; k < count; k++) level[k] = -1;
+    int64_t base = 0;
+    int64_t done = 0;
+    for (int64_t start = 0; start < count; start++) {
+        if (level[start] >= 0) continue;
+        int64_t root = start;
+        for (int64_t attempt = 0; attempt < 2; attempt++) {
+            int64_t head = done;
+            int64_t tail = done;
+            queue[tail] = (int32_t)root;
+            tail++;
+            level[root] = (int32_t)base;
+            while (head < tail) {
+                int64_t k = queue[head];
+                head++;
+                for (int64_t e = pointers[k], end_e = pointers[k + 1]; e < end_e; e++) {
+                    int64_t other = target[e];
+                    if (level[other] < 0) {
+                        level[other] = level[k] + 1;
+                        queue[tail] = (int32_t)other;
+                        tail++;
+                    }
+                }
+            }
+            if (attempt == 0) {
+                root = queue[tail - 1];
+                for (int64_t k = done; k < tail; k++) level[queue[k]] = -1;
+            } else {
+                base = level[queue[tail - 1]] + 1;
+                done = tail;
+            }
+        }
+    }
+}
+
+void arranging_assign_slots(int64_t stages, const int32_t *restrict enter_pointers,
+                            const int32_t *restrict entering, const int32_t *restrict leave_pointers,
+                            const int32_t *restrict leaving, int32_t *restrict slot, int32_t *restrict top,
+                            int32_t *restrict used) {
+    int64_t highest = 0;
+    for (int64_t s = 0; s < stages; s++) {
+        int64_t free = 0;
+        for (int64_t k = enter_pointers[s], end_k = enter_pointers[s + 1]; k < end_k; k++) {
+            while (used[free] != 0) free++;
+            used[free] = 1;
+            slot[entering[k]] = (int32_t)free;
+            highest = imax(highest, free + 1);
+        }
+        while (highest > 0 && used[imax(highest - 1, 0)] == 0) highest--;
+        top[s] = (int32_t)highest;
+        for (int64_t k = leave_pointers[s], end_k = leave_pointers[s + 1]; k < end_k; k++)
+            used[slot[leaving[k]]] = 0;
+    }
+}
+
+void arranging_flag_border(int64_t count, const int32_t *restrict first, const int32_t *restrict second,
+                           const int32_t *restrict stage, int32_t *restrict far, int32_t *restrict flagged,
+                           int32_t *restrict ahead, int32_t *restrict behind) {
+    for (int64_t e = 0; e < count; e++) {
+        int64_t a = first[e];
+        int64_t b = second[e];
+        if (llabs(stage[a] - stage[b]) > 1) {
+            far[a]++;
+            far[b]++;
+        }
+    }
+    for (int64_t e = 0; e < count; e++) {
+        int64_t a = first[e];
+        int64_t b = second[e];
+        if (llabs(stage[a] - stage[b]) > 1 && flagged[a] == 0 && flagged[b] == 0)
+            flagged[far[a] > far[b] ? a : b] = 1;
+    }
+    for (int64_t e = 0; e < count; e++) {
+        int64_t a = first[e];
+        int64_t b = second[e];
+        if (stage[a] != stage[b] && flagged[a] == 0 && flagged[b] == 0) {
+            if (stage[a] > stage[b]) {
+                const int64_t old_a = a;
+                a = b;
+                b = old_a;
+            }
+            ahead[a] = 1;
+            behind[b] = 1;
+        }
+    }
+}
+
+/* Scramble a number, to 31 bits: sums of these tell sets of numbers apart. */
+static int64_t mixed(int64_t code, int64_t salt) {
+    int64_t bits = (code + salt) & 2147483647;
+    bits = (bits * 1540483477) & 2147483647;
+    bits = ((bits ^ (bits >> 15)) * 1367130551) & 2147483647;
+    bits = ((bits ^ (bits >> 12)) * 2026873373) & 2147483647;
+    return bits ^ (bits >> 16);
+}
+
+void arranging_codes(int64_t count, const int32_t *restrict first, const int32_t *restrict second,
+                     const int32_t *restrict stage, const int32_t *restrict local, const int32_t *restrict border,
+                     int64_t base, int32_t *restrict edge_stage, int64_t *restrict edge_code,
+                     int64_t *restrict sums) {
+    for (int64_t e = 0; e < count; e++) {
+        int64_t a = first[e];
+        int64_t b = second[e];
+        if (border[a] >= 0 || (border[b] < 0 && stage[a] > stage[b])) {
+            const int64_t old_a = a;
+            a = b;
+            b = old_a;
+        }
+        int64_t own = stage[a];
+        int64_t code = 0;
+        if (border[a] >= 0)
+            own = -1;
+        else if (border[b] >= 0)
+            code = (BORDERING * base + local[a]) * base + border[b];
+        else if (stage[b] > own)
+            code = (ACROSS * base + local[a]) * base + local[b];
+        else
+            code = imax(local[a], local[b]) * base + imin(local[a], local[b]);
+        edge_stage[e] = (int32_t)own;
+        edge_code[e] = code;
+        if (own >= 0) {
+            sums[2 * own] += mixed(code, 1);
+            sums[2 * own + 1] += mixed(code, 12345);
+        }
+    }
+}
+
+void arranging_own_codes(int64_t kind, int64_t count, const int32_t *restrict variable,
+                         const int32_t *restrict stage, const int32_t *restrict local, int64_t base,
+                         int64_t *restrict sums) {
+    for (int64_t e = 0; e < count; e++) {
+        int64_t a = variable[e];
+        int64_t code = (kind * base + local[a]) * base;
+        sums[2 * (int64_t)stage[a]] += mixed(code, 1);
+        sums[2 * (int64_t)stage[a] + 1] += mixed(code, 12345);
+    }
+}
+
+int64_t arranging_ends(int64_t count, const int32_t *restrict pointers, const int32_t *restrict target,
+                       int32_t *restrict seen, int32_t *restrict queue, int32_t *restrict begins) {
+    int64_t found = 0;
+    for (int64_t start = 0; start < count; start++) {
+        if (seen[start] >= 0) continue;
+        int64_t root = start;
+        for (int64_t attempt = 0; attempt < 2; attempt++) {
+            int64_t tail = 1;
+            int64_t head = 0;
+            queue[0] = (int32_t)root;
+            seen[root] = (int32_t)attempt;
+            while (head < tail) {
+                int64_t k = queue[head];
+                head++;
+                for (int64_t e = pointers[k], end_e = pointers[k + 1]; e < end_e; e++) {
+                    int64_t other = target[e];
+                    if (seen[other] < attempt) {
+                        seen[other] = (int32_t)attempt;
+                        queue[tail] = (int32_t)other;
+                        tail++;
+                    }
+                }
+            }
+            root = queue[tail - 1];
+        }
+        begins[found] = (int32_t)root;
+        found++;
+    }
+    return found;
+}
+
+int64_t arranging_levels_from(int64_t count, const int32_t *restrict sources, int64_t one_by_one, int64_t parts,
+                              const int32_t *restrict pointers, const int32_t *restrict target,
+                              int32_t *restrict level, int32_t *restrict part, int32_t *restrict queue) {
+    int64_t head = 0;
+    int64_t tail = 0;
+    for (int64_t k = 0; k < count; k++) {
+        int64_t one = sources[k];
+        if (part[one] >= 0) continue;
+        part[one] = (int32_t)parts;
+        level[one] = 0;
+        queue[tail] = (int32_t)one;
+        tail++;
+        if (one_by_one == 0 && k < count - 1) continue;
+        while (head < tail) {
+            int64_t at = queue[head];
+            head++;
+            for (int64_t e = pointers[at], end_e = pointers[at + 1]; e < end_e; e++) {
+                int64_t other = target[e];
+                if (part[other] < 0) {
+                    part[other] = (int32_t)parts;
+                    level[other] = level[at] + 1;
+                    queue[tail] = (int32_t)other;
+                    tail++;
+                }
+            }
+        }
+        parts++;
+    }
+    return parts;
+}
+
+/* Give a row a variable of its own, be it that others change theirs; 0 where there is no way.
+ *
+ * most: ORDINARY, or CONTROL where it may be one of either; available: which of them each variable is, 0 for those
+ *     of later stages; owner: the row that has each, -1 where none has.
+ * seen: where this search, stamp, has been; path, at: its rows, and how far each has been looked through. */
+static int64_t give(int64_t root, int64_t most, int64_t stamp, const int32_t *restrict pointers,
+                    const int32_t *restrict variables, const int32_t *restrict available, int32_t *restrict owner,
+                    int32_t *restrict seen, int32_t *restrict path, int32_t *restrict at) {
+    int64_t depth = 0;
+    path[0] = (int32_t)root;
+    at[0] = pointers[root];
+    while (depth >= 0) {
+        int64_t row = path[depth];
+        if (at[depth] == pointers[row + 1]) {
+            depth--;
+            continue;
+        }
+        int64_t variable = variables[at[depth]];
+        at[depth]++;
+        if (available[variable] == 0 || available[variable] > most || seen[variable] == stamp) continue;
+        seen[variable] = (int32_t)stamp;
+        if (owner[variable] < 0) {
+            for (int64_t k = 0; k < depth + 1; k++) owner[variables[at[k] - 1]] = path[k];
+            return 1;
+        }
+        depth++;
+        path[depth] = owner[variable];
+        at[depth] = pointers[owner[variable]];
+    }
+    return 0;
+}
+
+/* How an equation of the stage own couples with others. */
+static int64_t reach(int64_t row, int64_t own, int64_t following, const int32_t *restrict pointers,
+                     const int32_t *restrict variables, const int32_t *restrict stage) {
+    int64_t found = ALONE;
+    for (int64_t e = pointers[row]; e < pointers[row + 1]; e++) {
+        int64_t other = stage[variables[e]];
+        if (other == following)
+            found = imax(found, AHEAD);
+        else if (other != own)
+            found = ELSEWHERE;
+    }
+    return found;
+}
+
+void arranging_postpone(int64_t n, int64_t stages, const int32_t *restrict after,
+                        const int32_t *restrict variable_order, const int32_t *restrict variable_begins,
+                        const int32_t *restrict row_order, const int32_t *restrict row_begins,
+                        const int32_t *restrict waits, const int32_t *restrict pointers,
+                        const int32_t *restrict variables, const int32_t *restrict uses, int32_t *restrict stage,
+                        int32_t *restrict available, int32_t *restrict seen, int32_t *restrict owner,
+                        int32_t *restrict path, int32_t *restrict at, int32_t *restrict reach_,
+                        int32_t *restrict waiting, int32_t *restrict listed) {
+    int32_t *rows = stage + n;
+    int64_t count = 0;
+    int64_t stamp = 0;
+    for (int64_t own = 0; own < stages; own++) {
+        int64_t following = after[own];
+        if (following == own) return;
+        for (int64_t k = variable_begins[own], end_k = variable_begins[own + 1]; k < end_k; k++)
+            available[variable_order[k]] = uses[variable_order[k]];
+        int64_t total = count;
+        for (int64_t k = 0; k < count; k++) listed[k] = waiting[k];
+        for (int64_t turn = 0; turn < 2; turn++) {
+            for (int64_t k = row_begins[own], end_k = row_begins[own + 1]; k < end_k; k++) {
+                int64_t row = row_order[k];
+                if (waits[row] != 0) {
+                    if (turn == 0) reach_[row] = (int32_t)reach(row, own, following, pointers, variables, stage);
+                    if ((reach_[row] == AHEAD) == (turn == 1)) {
+                        listed[total] = (int32_t)row;
+                        total++;
+                    }
+                }
+            }
+        }
+        count = 0;
+        for (int64_t k = 0; k < total; k++) {
+            int64_t row = listed[k];
+            stamp++;
+            if (give(row, ORDINARY, stamp, pointers, variables, available, owner, seen, path, at) != 0) continue;
+            if (reach_[row] == AHEAD) {
+                rows[row] = (int32_t)following;
+                reach_[row] = ELSEWHERE;
+                waiting[count] = (int32_t)row;
+                count++;
+            } else {
+                stamp++;
+                give(row, CONTROL, stamp, pointers, variables, available, owner, seen, path, at);
+            }
+        }
+        if (following != own + 1) count = 0; /* a second part comes from the other end */
+    }
+}

@@ -1,0 +1,81 @@
+/* The matrix in elimination order: where each unknown and each given entry goes. */
+#ifndef STC_ARRANGING_H
+#define STC_ARRANGING_H
+
+#include "../native.h"
+
+API void arranging_counting_sort(int64_t size, const int32_t *restrict keys, int64_t count,
+                                 int32_t *restrict pointers, int32_t *restrict order);
+
+API void arranging_entry_stages(int64_t stages, const int32_t *restrict stage_pointers,
+                                const int32_t *restrict pointers, const int32_t *restrict columns,
+                                int32_t *restrict entry);
+
+/* Where the N diagonal entries and those above it go in the window, (N + E,). */
+API void arranging_window_targets(int64_t size, const int32_t *restrict pointers, const int32_t *restrict columns,
+                                  const int32_t *restrict slot, int64_t stride, int32_t *restrict targets);
+
+/* Slots in use at each stage, (stages,), those aside of positions whose group is negative. */
+API void arranging_tops_without_leaves(int64_t stages, const int32_t *restrict stage_pointers,
+                                       const int32_t *restrict enter_pointers, const int32_t *restrict entering,
+                                       const int32_t *restrict group, const int32_t *restrict slot,
+                                       int32_t *restrict tops);
+
+/* Unite the parts of each pair; a part is known by its smallest member. */
+API void arranging_join(int64_t count, const int32_t *restrict first, const int32_t *restrict second,
+                        int32_t *restrict part);
+
+API void arranging_flatten(int64_t size, int32_t *restrict part);
+
+/* Breadth-first levels; each component starts from a node at the far end of a first search, after the last. */
+API void arranging_levels(int64_t count, const int32_t *restrict pointers, const int32_t *restrict target,
+                          int32_t *restrict level, int32_t *restrict queue);
+
+/* Give each unknown the lowest free slot when it enters, and free it after its stage. */
+API void arranging_assign_slots(int64_t stages, const int32_t *restrict enter_pointers,
+                                const int32_t *restrict entering, const int32_t *restrict leave_pointers,
+                                const int32_t *restrict leaving, int32_t *restrict slot, int32_t *restrict top,
+                                int32_t *restrict used);
+
+/* Mark, of each two unknowns that are more than a stage apart, the one with more such couplings.
+ *
+ * Others are marked in ahead and behind where they couple with one of the next stage or of that before. */
+API void arranging_flag_border(int64_t count, const int32_t *restrict first, const int32_t *restrict second,
+                               const int32_t *restrict stage, int32_t *restrict far, int32_t *restrict flagged,
+                               int32_t *restrict ahead, int32_t *restrict behind);
+
+/* Stage and code of each coupling: the earlier stage, and what is the same for all stages of a kind.
+ *
+ * sums are two scrambled sums of the codes for each stage. */
+API void arranging_codes(int64_t count, const int32_t *restrict first, const int32_t *restrict second,
+                         const int32_t *restrict stage, const int32_t *restrict local,
+                         const int32_t *restrict border, int64_t base, int32_t *restrict edge_stage,
+                         int64_t *restrict edge_code, int64_t *restrict sums);
+
+/* The same for what concerns variables alone. */
+API void arranging_own_codes(int64_t kind, int64_t count, const int32_t *restrict variable,
+                             const int32_t *restrict stage, const int32_t *restrict local, int64_t base,
+                             int64_t *restrict sums);
+
+/* Begins of level structures, one for each component: far ends of a search; how many there are. */
+API int64_t arranging_ends(int64_t count, const int32_t *restrict pointers, const int32_t *restrict target,
+                           int32_t *restrict seen, int32_t *restrict queue, int32_t *restrict begins);
+
+/* Breadth-first levels from all sources together, or from each one not reached yet; parts found so far. */
+API int64_t arranging_levels_from(int64_t count, const int32_t *restrict sources, int64_t one_by_one, int64_t parts,
+                                  const int32_t *restrict pointers, const int32_t *restrict target,
+                                  int32_t *restrict level, int32_t *restrict part, int32_t *restrict queue);
+
+/* Move rows to the next stage, one stage after the other.
+ *
+ * Rows that cannot wait are given their variables first, and those that have waited before these. */
+API void arranging_postpone(int64_t n, int64_t stages, const int32_t *restrict after,
+                            const int32_t *restrict variable_order, const int32_t *restrict variable_begins,
+                            const int32_t *restrict row_order, const int32_t *restrict row_begins,
+                            const int32_t *restrict waits, const int32_t *restrict pointers,
+                            const int32_t *restrict variables, const int32_t *restrict uses,
+                            int32_t *restrict stage, int32_t *restrict available, int32_t *restrict seen,
+                            int32_t *restrict owner, int32_t *restrict path, int32_t *restrict at,
+                            int32_t *restrict reach_, int32_t *restrict waiting, int32_t *restrict listed);
+
+#endif

@@ -1,0 +1,98 @@
+"""The line in a notebook that tells how far a solve or a sweep has got, and goes away when that ends.
+
+It is HTML that any front end shows; where nothing takes long, nothing appears.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from stc.solver.report import IterationRecord
+    from stc.sweeps import Sweep
+
+__all__ = ["solving", "sweeping"]
+
+#: Seconds before the line appears, and between two updates.
+DELAY, PERIOD = 0.5, 0.2
+
+#: The lines that are on show: what is solved within a sweep has none of its own.
+_shown: list[_Line] = []
+
+
+class _Line:
+    """One line that changes."""
+
+    def __init__(self) -> None:
+        self._next_update = time.monotonic() + DELAY
+        self._handle: Any = None
+
+    def show(self, text: str, share: float | None = None) -> None:
+        """Put a text in place of the last one, once it is time for another, with a bar for the share that is done."""
+        if time.monotonic() < self._next_update:
+            return
+        bar = "" if share is None else f"<progress value='{share:.4f}' max='1'></progress> "
+        self._put(f"<div>{bar}{escape(text)}</div>")
+        self._next_update = time.monotonic() + PERIOD
+
+    def close(self) -> None:
+        """Take the line away."""
+        if self._handle is not None:
+            self._put("")
+
+    def _put(self, content: str) -> None:
+        from IPython.display import HTML, display
+
+        if self._handle is None:
+            self._handle = display(HTML(content), display_id=True)
+        else:
+            self._handle.update(HTML(content))
+
+
+@contextmanager
+def _line() -> Iterator[_Line | None]:
+    """A line for what is done in this context; None where there is one already."""
+    if _shown:
+        yield None
+        return
+    line = _Line()
+    _shown.append(line)
+    try:
+        yield line
+    finally:
+        _shown.remove(line)
+        line.close()
+
+
+@contextmanager
+def solving(name: str) -> Iterator[Callable[[IterationRecord], None] | None]:
+    """A context around a solve, whose callback it gives."""
+    with _line() as line:
+        if line is None:
+            yield None
+            return
+
+        def show(iterate: IterationRecord) -> None:
+            line.show(
+                f"{name}: iteration {iterate.iteration}, objective {iterate.objective:.6g}, "
+                f"violation {iterate.violation:.1e}"
+            )
+
+        yield show
+
+
+@contextmanager
+def sweeping(name: str) -> Iterator[Callable[[Sweep], None]]:
+    """A context around a sweep; what it gives is told of the sweep after each point."""
+    with _line() as line:
+
+        def show(sweep: Sweep) -> None:
+            if line is not None:
+                done, count = len(sweep.facts), len(sweep.grid)
+                line.show(f"{name}: {done} of {count} points", done / count)
+
+        yield show
