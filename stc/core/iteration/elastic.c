@@ -1,4 +1,4 @@
-/* The elastic form of a problem and its linear system, compiled (see stc.solver.elastic).
+/* The elastic form of a problem and its linear system, compiled (see elastic.h).
  *
  * Unknowns are those of the problem, (n,), then p and q, (m,) each; entries of the Jacobian those of the problem, then the
  * columns of p and q.

@@ -1,4 +1,4 @@
-/* The elastic form of a problem and its linear system, compiled (see stc.solver.elastic). */
+/* The elastic form of a problem and its linear system, compiled (see elastic.h). */
 #ifndef STC_ELASTIC_H
 #define STC_ELASTIC_H
 

@@ -1,7 +1,7 @@
 /* Inertia correction, compiled: which shift of the Hessian to try next.
  *
  * A. Waechter and L. T. Biegler, Math. Program. 106, 2006, algorithm IC. See stc.solver.newton_system for the
- * system, and stc.solver.state for the numbers s and the calls. */
+ * system, and state.h for the numbers s and the calls. */
 #include "../native.h"
 #include "inertia_correction.h"
 #include "state.h"

@@ -1,8 +1,8 @@
 /* Points of the iteration, compiled: each pass goes once over the vectors and leaves a few numbers.
  *
- * Those that find the step from one point to the next are in stc.solver.step_kernels.
+ * Those that find the step from one point to the next are in step.h.
  *
- * Vectors are those of stc.solver.workspace.Workspace, s is its array of numbers (stc.solver.state).
+ * Vectors are those of stc.solver.workspace.Workspace, s is its array of numbers (state.h).
  * index, sign, kind, free and moving describe the form of the problem (stc.solver.formulation),
  * start, order and rows the columns of J (column_times):
  * rows are equalities, inequalities or ignored (EQUALITY, INEQUALITY, IGNORED).

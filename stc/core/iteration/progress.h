@@ -1,4 +1,4 @@
-/* What is noted of every iterate and step, compiled; stc.solver.progress tells what it is for. */
+/* What is noted of every iterate and step, compiled; progress.h tells what it is for. */
 #ifndef STC_PROGRESS_H
 #define STC_PROGRESS_H
 

@@ -4,7 +4,7 @@
  *
  * Compiled parts of Newton's method on the active set: how far a point is from a solution, and what a step leads to.
  *
- * See stc.solver.projection for the points and stc.solver.active_set for the method. */
+ * See projection.h for the points and stc.solver.active_set for the method. */
 #include "../native.h"
 #include "kernels.h"
 #include "projection.h"

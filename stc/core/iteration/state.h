@@ -52,7 +52,7 @@ enum {
     MOST = 38, /* iterations at most in a row */
     MADE = 39, /* and how many iterates were recorded */
 };
-/* Of those who watch it (stc.solver.progress, stc.solver.multipliers). */
+/* Of those who watch it (progress.h, stc.solver.multipliers). */
 enum {
     OBJECTIVE_BEFORE = 40,
     OBJECTIVE_NOW = 41,
@@ -108,7 +108,7 @@ enum {
     REACH = 106, /* fraction of the step that the bounds allow, be it more than all of it */
     LENGTHENS = 107, /* 1 where more than all of a step may be taken */
 };
-/* Of the records, in the user's terms (stc.solver.progress_kernels). */
+/* Of the records, in the user's terms (progress.h). */
 enum {
     STATED = 112, /* the objective */
     FEASIBILITY = 113, /* the violation that counts as none */

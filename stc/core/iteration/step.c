@@ -1,6 +1,6 @@
 /* The step of an iteration, compiled: right-hand sides, what follows from a solution, and how far it may go.
  *
- * See stc.solver.kernels for the vectors and the array of numbers. */
+ * See kernels.h for the vectors and the array of numbers. */
 #include "../native.h"
 #include "kernels.h"
 #include "state.h"

@@ -18,7 +18,7 @@
  *     equations      x1 = f   x2 = f               one of the first two waits for x1
  *
  * A chain takes all unknowns of a stage out of the window before it comes to the next one (see
- * stc.solver.kkt.chain_elimination).  A motion that starts from a given state has more equations between its first two
+ * chain_elimination.h).  A motion that starts from a given state has more equations between its first two
  * states than it has controls there, so that some pivot would be zero in any order.  Which ones are too many is a matter
  * of the pattern: those that are left over where each is given a variable of its own (a maximum matching, by augmenting
  * paths: H. W. Kuhn, The Hungarian method for the assignment problem, Naval Research Logistics Quarterly 2, 1955).

@@ -9,7 +9,7 @@
  *
  * Of the window there is the lower triangle, row by row, stride numbers each.  So whatever a pivot couples with is to
  * the left of it in its own row, and rows are read and written in blocks of eight numbers.  Pivots are taken in panels
- * (see stc.solver.kkt.chain_panel).
+ * (see chain_panel.h).
  *
  * What is right of the diagonal is never read as a number that counts, but is finite where all else is.
  *

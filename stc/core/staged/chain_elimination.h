@@ -35,7 +35,7 @@ enum {
     ROWS_AT = 9,
     RECORD = 4,
 };
-/* ... panels (see stc.solver.kkt.chain_panel); ... */
+/* ... panels (see chain_panel.h); ... */
 enum {
     CHAIN_ELIMINATION_PANELS = 12,
     PANELS_AT = 13,

@@ -1,4 +1,4 @@
-/* Panels of one, two or four unknowns, taken out of the window of a stage (see stc.solver.kkt.chain_elimination).
+/* Panels of one, two or four unknowns, taken out of the window of a stage (see chain_elimination.h).
  *
  * D has blocks of one and, for the first or last two members of a panel, of two unknowns.  A panel is a list of numbers:
  *

@@ -1,4 +1,4 @@
-/* Panels of one, two or four unknowns, taken out of the window of a stage (see stc.solver.kkt.chain_elimination). */
+/* Panels of one, two or four unknowns, taken out of the window of a stage (see chain_elimination.h). */
 #ifndef STC_CHAIN_PANEL_H
 #define STC_CHAIN_PANEL_H
 

@@ -1,4 +1,4 @@
-/* Products with the matrix of a chain, as it is kept for them (see stc.solver.kkt.chain_elimination).
+/* Products with the matrix of a chain, as it is kept for them (see chain_elimination.h).
  *
  * For one vector or for two, which share the reading of the matrix. */
 #include "../native.h"

@@ -1,4 +1,4 @@
-/* Products with the matrix of a chain, as it is kept for them (see stc.solver.kkt.chain_elimination). */
+/* Products with the matrix of a chain, as it is kept for them (see chain_elimination.h). */
 #ifndef STC_CHAIN_ROWS_H
 #define STC_CHAIN_ROWS_H
 

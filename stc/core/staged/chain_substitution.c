@@ -1,4 +1,4 @@
-/* Forward and back substitution through the stages of a chain (see stc.solver.kkt.chain_elimination).
+/* Forward and back substitution through the stages of a chain (see chain_elimination.h).
  *
  * For one vector or for two, which share the reading of the factors.  Panels are of one, two or four pivots. */
 #include "../native.h"

@@ -1,4 +1,4 @@
-/* Forward and back substitution through the stages of a chain (see stc.solver.kkt.chain_elimination). */
+/* Forward and back substitution through the stages of a chain (see chain_elimination.h). */
 #ifndef STC_CHAIN_SUBSTITUTION_H
 #define STC_CHAIN_SUBSTITUTION_H
 

@@ -12,7 +12,7 @@
  * expected equilibrated, near 1.
  *
  * Columns are gathered along the planned lists of slots; what to do where not all goes to plan is found in
- * stc.solver.kkt.unplanned. */
+ * window.h. */
 #include "../native.h"
 #include "elimination.h"
 #include "panel.h"

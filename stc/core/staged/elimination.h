@@ -17,7 +17,7 @@
  * held_from: first slot for delayed unknowns.
  * planned: whether the plan's patterns hold for this matrix.
  * stage_pointers: positions of each stage, (stages + 1,).
- * pointers, columns, values: the matrix (see stc.solver.kkt.values).
+ * pointers, columns, values: the matrix (see values.h).
  * order: unknown at each position, (N,).
  * planned_slot: slot at each position, (N,).
  * targets: where the entries of values go in the window, (N + E,).
@@ -29,7 +29,7 @@
  * plan_start, plan_count, plan_slots: the slots of a group's columns.
  * surplus_start, surplus_count: others that they may have when not all goes to plan.
  * state, state_starts, state_rows, state_columns: what may be in the window before each stage unplanned.
- * growth: work space (see stc.solver.kkt.pivots), (stride,).
+ * growth: work space (see pivots.h), (stride,).
  * slot: work space; afterwards -1 - stage with the stage at which a position was eliminated, (N,).
  * counts: results, (COUNTS,).
  * Returns:

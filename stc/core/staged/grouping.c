@@ -1,4 +1,4 @@
-/* Consecutive pivots of a stage's order that are eliminated together, in panels (see stc.solver.kkt.panel).
+/* Consecutive pivots of a stage's order that are eliminated together, in panels (see panel.h).
  *
  * Together they have the rows that any of them has.  What that wastes on zeros is weighed against what every panel costs
  * besides: groups are the cheapest ones of an order (by dynamic programming over where they end), for costs in cycles as

@@ -1,4 +1,4 @@
-/* Consecutive pivots of a stage's order that are eliminated together, in panels (see stc.solver.kkt.panel). */
+/* Consecutive pivots of a stage's order that are eliminated together, in panels (see panel.h). */
 #ifndef STC_GROUPING_H
 #define STC_GROUPING_H
 

@@ -1,4 +1,4 @@
-/* The members of a panel eliminated from each other, in eight segments at once (see stc.solver.kkt.lane_panel). */
+/* The members of a panel eliminated from each other, in eight segments at once (see lane_panel.h). */
 #ifndef STC_LANE_CORNER_H
 #define STC_LANE_CORNER_H
 

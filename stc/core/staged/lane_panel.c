@@ -1,4 +1,4 @@
-/* One panel of pivots taken out of eight segments at once (see stc.solver.kkt.lanes).
+/* One panel of pivots taken out of eight segments at once (see lanes.h).
  *
  *     C   members x (members + rows), what is left of their columns
  *     L   D^-1 C, the factors, which are kept             work[rows, rows] -= C^T L

@@ -1,4 +1,4 @@
-/* One panel of pivots taken out of eight segments at once (see stc.solver.kkt.lanes). */
+/* One panel of pivots taken out of eight segments at once (see lanes.h). */
 #ifndef STC_LANE_PANEL_H
 #define STC_LANE_PANEL_H
 

@@ -1,4 +1,4 @@
-/* Substitutions with the factors of stc.solver.kkt.lanes, eight segments at once, for one vector or for two. */
+/* Substitutions with the factors of lanes.h, eight segments at once, for one vector or for two. */
 #ifndef STC_LANE_SOLVE_H
 #define STC_LANE_SOLVE_H
 

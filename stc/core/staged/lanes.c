@@ -43,7 +43,7 @@ enum {
 enum {
     ADDED = 31,
 };
-/* ... where index has the runs of the entries (see stc.solver.kkt.lane_runs), 0 where each step loads its own. */
+/* ... where index has the runs of the entries (see lane_runs.h), 0 where each step loads its own. */
 enum {
     RUNS = 32,
 };

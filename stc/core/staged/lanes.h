@@ -72,7 +72,7 @@ enum {
  * watched: 1 where outer_most and spread are asked for.
  * spread: largest entry of the row that has the largest one, and the negative of the least, of the rows in
  *     segments: the maximum with what is there, eight of each.
- * factors: the factors; state: see stc.solver.kkt.lane_state.
+ * factors: the factors; state: see lane_state.h.
  * Returns:
  *     How many pivots are negative, -1 when one was not accepted, an entry is not finite or scale has turned out
  *     not to serve. */

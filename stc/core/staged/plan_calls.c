@@ -8,7 +8,7 @@
  *
  * Most matrices of a solve are such: nothing is left to decide.  A chain of calls factorises them, ends where something is
  * not as planned, and tells where; then AttachedKKT.resume does what is left to do.  Between several plans,
- * stc.solver.kkt.plan_calls chooses. */
+ * plan_calls.h chooses. */
 #include "../native.h"
 #include "lane_state.h"
 #include "pivots.h"

@@ -3,7 +3,7 @@
  * A part is some groups of segments, which follow one another in vectors.  It reads what the rest has and writes nothing
  * that is not its own: what it leaves to the rest goes to a vector of its own, unless it is the first part, which goes on
  * where the rest has begun.  How parts are put together, in an order that does not depend on threads, is in
- * stc.solver.kkt.segmented_passes. */
+ * segmented_passes.h. */
 #include "../native.h"
 #include "lane_rows.h"
 #include "lane_solve.h"

@@ -23,7 +23,7 @@ API int64_t segmented_passes_diagonal_of(int64_t n, int64_t m, int64_t at, int64
                                          const double *restrict given, double *restrict diagonal,
                                          int64_t *restrict found);
 
-/* Make scale serve the matrix (see stc.solver.kkt.values.equilibrate); whether it did not do so before. */
+/* Make scale serve the matrix (see values.h.equilibrate); whether it did not do so before. */
 API int64_t segmented_passes_equilibrate_all(int64_t sweeps, int64_t fetched, int64_t groups,
                                              const int64_t *restrict table, const int32_t *restrict index,
                                              const int32_t *restrict code, int64_t outer, int64_t rest,

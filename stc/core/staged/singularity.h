@@ -7,7 +7,7 @@
 /* Count pivots as zero, and replace them, where the matrix is singular to working precision.
  *
  * Not those that are certain[0] times as large as the noise in them. The other arguments are those of
- * factorize in stc.solver.kkt.elimination and what it left; zeros (N,) is zero, z and image (N,) are
+ * factorize in elimination.h and what it left; zeros (N,) is zero, z and image (N,) are
  * work space. */
 API void singularity_confirm_zeros(int64_t size, int64_t variables, double replacement,
                                    const double *restrict certain, const int32_t *restrict order,

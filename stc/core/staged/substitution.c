@@ -1,4 +1,4 @@
-/* Solving with the factors of stc.solver.kkt.elimination, and refining against the matrix itself. */
+/* Solving with the factors of elimination.h, and refining against the matrix itself. */
 #include "../native.h"
 #include "../vec8.h"
 #include "substitution.h"

@@ -1,4 +1,4 @@
-/* Solving with the factors of stc.solver.kkt.elimination, and refining against the matrix itself. */
+/* Solving with the factors of elimination.h, and refining against the matrix itself. */
 #ifndef STC_SUBSTITUTION_H
 #define STC_SUBSTITUTION_H
 

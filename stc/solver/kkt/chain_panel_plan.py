@@ -13,9 +13,6 @@ __all__ = ["Panels", "join_panels", "write_panels"]
 
 Int32s = NDArray[np.int32]
 
-#: Cycles that a panel takes, that it takes for each block of columns, and for each block of a row that it changes; by
-#: members.
-
 
 @dataclass(frozen=True)
 class Panels:

@@ -12,7 +12,6 @@ __all__ = ["choose_plan", "count_nonzero", "equilibrate", "find_scale", "load", 
 
 #: A scale is good when the largest entries of all rows are within this factor of 1.
 GOOD = 2.0
-#: Scales stay between these.
 
 #: Put the values of H, J, p and d at their places; returns 0, or 1 when a value is not finite.
 load = function("values_load")
