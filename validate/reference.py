@@ -15,7 +15,7 @@ from stc.solution import Solution
 from stc.trajectory import curves, horner
 from stc.validate.metrics import FloatArray
 from stc.validate.rotations import normalised, rotation_between, turned
-from stc.validate.signals import node_value
+from stc.validate.signals import in_steps, node_value
 from stc.validate.ties import Orientation, Source, Tie
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ class Reference:
         ]
         #: Per order and power of s an array (n, k) of coefficients.
         self._coefficients = [_by_power(sources, solution) for sources in self._sources] if solution.n else []
+        self._time = solution.time
 
     def in_step(self, step: int, shares: FloatArray) -> list[FloatArray]:
         """Positions (s, p), velocities and, where known, accelerations (s, v) at s shares of a step."""
@@ -75,6 +76,16 @@ class Reference:
             for sources in self._sources
         ]
         return [self._on_sphere(found[0]), *found[1:]]
+
+    def at_times(self, times: FloatArray) -> list[FloatArray]:
+        """The same at times within the motion, in seconds (m,): (m, p) and (m, v); at a jump, what is after it."""
+        if len(self._time) == 1:
+            return [np.tile(values, (len(times), 1)) for values in self.at("after", 0)]
+        found = [np.zeros((len(times), len(sources))) for sources in self._sources]
+        for step, mine, shares in in_steps(self._time, times):
+            for values, part in zip(found, self.in_step(step, shares)):
+                values[mine] = part
+        return found
 
     @property
     def extent(self) -> float:

@@ -11,9 +11,10 @@ At a jump the step to the left uses the value before it and the step to the righ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.solution import ReplayChannel, Solution
 from stc.trajectory import Channel, horner, interpolant
@@ -33,6 +34,7 @@ class Signals:
         self.lines = list(lines)
         self.channels = [line.value.held_outside(first, last) for line in lines]
         self._coefficients = _polynomials(self.channels, solution)
+        self._time = solution.time
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -44,6 +46,31 @@ class Signals:
     def at(self, part: str, index: int) -> FloatArray:
         """Values at a node, (k,): ``before`` or ``after`` frame ``index``, or ``mid`` of step ``index``."""
         return np.array([node_value(channel, part, index) for channel in self.channels])
+
+    def at_times(self, times: FloatArray) -> FloatArray:
+        """Values at times within the motion, in seconds (m,): (m, k); at a jump, those after it."""
+        if len(self._time) == 1:
+            return np.tile(self.at("after", 0), (len(times), 1))
+        found = np.zeros((len(times), len(self)))
+        for step, mine, shares in in_steps(self._time, times):
+            found[mine] = self.in_step(step, shares)
+        return found
+
+
+def in_steps(frames: FloatArray, times: FloatArray) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
+    """The steps that contain some times, each with the indices of its times and their shares of the step.
+
+    Args:
+        frames: (n+1,) times of the frames, in seconds; without a step, n = 0, there is nothing to find.
+        times: (m,) times within them.
+    """
+    if len(frames) == 1:
+        return
+    steps = np.clip(np.searchsorted(frames, times, side="right") - 1, 0, len(frames) - 2)
+    shares = np.clip((times - frames[steps]) / np.diff(frames)[steps], 0.0, 1.0)
+    for step in np.unique(steps):
+        mine = np.flatnonzero(steps == step)
+        yield int(step), mine, shares[mine]
 
 
 def node_value(channel: Channel, part: str, index: int) -> float:

@@ -156,7 +156,6 @@ def _why_not(facts: Mapping[str, Any], unverified: bool) -> str:
 
 def _episode(solution: Solution, facts: Mapping[str, Any], time_step: float | None) -> _Episode:
     from stc.validate.export.controls import played as played_by
-    from stc.validate.export.states import signals
     from stc.validate.setup import prepare
 
     setup = prepare(solution)
@@ -165,7 +164,7 @@ def _episode(solution: Solution, facts: Mapping[str, Any], time_step: float | No
     if not model.nu:
         raise UsageError(f"{setup.path.name} has no actuators: a data set has no actions without")
     last, passed = np.arange(count + 1) == count - 1, facts["verdict"] == "passed"
-    contact = signals(setup, setup.contact, solution.time[0] + played["time"])
+    contact = setup.contact.at_times(solution.time[0] + played["time"])
     most = float(np.abs(contact).max(initial=0.0))
     arrays: dict[str, Any] = {
         "observations": np.hstack([played["qpos"], played["qvel"]]),

@@ -71,20 +71,6 @@ def _thinned(count: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(np.intp))
 
 
-def solved_positions(replays: Replays, times: FloatArray) -> FloatArray:
-    """(len(times), p) solved positions of the tied joints at any times; at a jump, the value after it."""
-    solution, reference = replays.setup.solution, replays.setup.reference
-    if solution.n == 0:
-        return np.broadcast_to(reference.at("after", 0)[0], (len(times), len(reference.positions)))
-    steps = np.clip(np.searchsorted(solution.time, times, side="right") - 1, 0, solution.n - 1)
-    shares = (times - solution.time[steps]) / np.diff(solution.time)[steps]
-    found = np.zeros((len(times), len(reference.positions)))
-    for step in np.unique(steps):
-        mine = steps == step
-        found[mine] = reference.in_step(int(step), shares[mine])[0]
-    return found
-
-
 def _joints(replays: Replays) -> list[Panel]:
     setup = replays.setup
     solved: list[list[Line]] = [[] for _ in setup.ties]
@@ -92,7 +78,7 @@ def _joints(replays: Replays) -> list[Panel]:
     for kind, motion in _simulations(replays):
         at = _thinned(len(motion.time))
         times = motion.time[at]
-        truth = solved_positions(replays, times)
+        truth = setup.reference.at_times(times)[0]
         for k, tie in enumerate(setup.ties):
             own = truth[:, setup.reference.columns[k]]
             simulated = motion.path[np.ix_(at, np.array(tie.positions))]

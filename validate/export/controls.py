@@ -25,11 +25,12 @@ import numpy as np
 
 from stc.atomic import replacing
 from stc.validate.export.proportion import require_proportion
-from stc.validate.export.states import controls, in_steps, signals, velocities
+from stc.validate.export.states import controls, velocities
 from stc.validate.linearisation import linearised
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.motion import solved_at
 from stc.validate.setup import Setup
+from stc.validate.signals import in_steps
 from stc.validate.tracking import Feedback, proportional, regulator
 
 
@@ -59,7 +60,7 @@ def played(setup: Setup, time_step: float | None = None) -> dict[str, FloatArray
         "qvel": velocities(setup, edges),
     }
     if len(setup.applied):
-        forces = signals(setup, setup.applied, middles)
+        forces = setup.applied.at_times(middles)
         found["qfrc_applied"] = _generalised(setup, solved_at(setup, middles), forces)
     return found
 
@@ -75,7 +76,7 @@ def sequence(setup: Setup, time_step: float | None = None) -> dict[str, FloatArr
     if law is not None:
         found["gain"] = np.zeros((len(found["ctrl"]), model.nu, 2 * model.nv))
         order = np.concatenate([setup.reference.velocities, model.nv + setup.reference.velocities])
-        for step, mine, shares in in_steps(setup, _times(setup, time_step)[1]):
+        for step, mine, shares in in_steps(setup.solution.time, _times(setup, time_step)[1]):
             found["gain"][np.ix_(mine, setup.controls.addresses, order)] = law.gains(step, shares)
     return found
 

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
-from numpy.typing import NDArray
 
 from stc.records import dataclass
 from stc.validate.export.proportion import intervals, require_proportion
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.motion import solved_at
 from stc.validate.setup import Setup
-from stc.validate.signals import Signals
 
-__all__ = ["States", "controls", "in_steps", "instants", "signals", "states", "velocities"]
+__all__ = ["States", "controls", "instants", "states", "velocities"]
 
 
 @dataclass(slots=True)
@@ -68,7 +64,7 @@ def states(setup: Setup, times: FloatArray) -> States:
         _of_joints(setup, times, 2) if setup.reference.has_acceleration else None,
         control,
         _torques(setup, times, position, velocity, control),
-        signals(setup, contact, times),
+        contact.at_times(times),
         [name.removeprefix("contact ") for name in contact.where.names],
     )
 
@@ -81,41 +77,15 @@ def velocities(setup: Setup, times: FloatArray) -> FloatArray:
 def controls(setup: Setup, times: FloatArray) -> FloatArray:
     """(k, nu) solved controls; actuators that are not driven get none."""
     found = np.zeros((len(times), setup.compiled.nu))
-    found[:, setup.controls.addresses] = signals(setup, setup.controls, times)
-    return found
-
-
-def signals(setup: Setup, lines: Signals, times: FloatArray) -> FloatArray:
-    """(k, len(lines)) the values of replay lines."""
-    found = np.zeros((len(times), len(lines)))
-    if setup.solution.n == 0:
-        found[:] = lines.at("after", 0)
-    for step, mine, shares in in_steps(setup, times):
-        found[mine] = lines.in_step(step, shares)
+    found[:, setup.controls.addresses] = setup.controls.at_times(times)
     return found
 
 
 def _of_joints(setup: Setup, times: FloatArray, order: int) -> FloatArray:
     """(k, nv) velocities (order 1) or accelerations (order 2) of the tied joints."""
-    reference = setup.reference
     found = np.zeros((len(times), setup.compiled.nv))
-    if setup.solution.n == 0:
-        found[:, reference.velocities] = reference.at("after", 0)[order]
-    for step, mine, shares in in_steps(setup, times):
-        found[np.ix_(mine, reference.velocities)] = reference.in_step(step, shares)[order]
+    found[:, setup.reference.velocities] = setup.reference.at_times(times)[order]
     return found
-
-
-def in_steps(setup: Setup, times: FloatArray) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
-    """The steps that some times are in: each with the indices of its times, and their shares of the step."""
-    solution = setup.solution
-    if not solution.n:
-        return
-    frames = np.clip(np.searchsorted(solution.time, times, side="right") - 1, 0, solution.n - 1)
-    shares = np.clip((times - solution.time[frames]) / np.diff(solution.time)[frames], 0.0, 1.0)
-    for frame in np.unique(frames):
-        mine = np.flatnonzero(frames == frame)
-        yield int(frame), mine, shares[mine]
 
 
 def _torques(
@@ -126,7 +96,7 @@ def _torques(
 
     model = setup.model(contacts=False)
     data = mujoco.MjData(model)
-    activation = signals(setup, setup.activations, times)
+    activation = setup.activations.at_times(times)
     found = np.zeros((len(times), model.nv))
     for k in range(len(times)):
         data.qpos[:], data.qvel[:], data.ctrl[:] = position[k], velocity[k], control[k]

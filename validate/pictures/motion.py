@@ -21,16 +21,8 @@ def solved_at(setup: Setup, times: FloatArray) -> FloatArray:
     """(k, nq) the solved motion at some times; joints that are not tied stay at the model's initial position."""
     import mujoco
 
-    solution = setup.solution
     found = np.tile(mujoco.MjData(setup.compiled).qpos, (len(times), 1))
-    positions = setup.reference.positions
-    if solution.n == 0:
-        found[:, positions] = setup.reference.at("after", 0)[0]
-        return found
-    steps = np.clip(np.searchsorted(solution.time, times, side="right") - 1, 0, solution.n - 1)
-    shares = np.clip((times - solution.time[steps]) / np.diff(solution.time)[steps], 0.0, 1.0)
-    for k, (step, share) in enumerate(zip(steps, shares)):
-        found[k, positions] = setup.reference.in_step(int(step), np.array([share]))[0][0]
+    found[:, setup.reference.positions] = setup.reference.at_times(times)[0]
     return found
 
 
