@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from stc.solution import Solution
+from stc.steering.posed_body import FloatArray, moving_bodies
 from stc.steering.session import Session
-from stc.steering.stance import FloatArray, moving_bodies
 from stc.validate.export.geometry import same_surface, shown_geoms, surface
 from stc.validate.pictures.motion import solved_at
 from stc.validate.setup import Setup

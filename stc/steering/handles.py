@@ -9,7 +9,7 @@ import numpy as np
 
 from stc.records import dataclass
 from stc.solution import Solution
-from stc.steering.stance import FloatArray, Place
+from stc.steering.posed_body import FloatArray, Place
 
 if TYPE_CHECKING:
     from stc.validate.setup import Setup

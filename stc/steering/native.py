@@ -14,8 +14,8 @@ import numpy as np
 from stc.errors import StcError
 from stc.records import dataclass, field
 from stc.steering.handles import Handle
+from stc.steering.posed_body import FloatArray
 from stc.steering.session import Session
-from stc.steering.stance import FloatArray
 from stc.validate.fields import apply_fields
 from stc.validate.model import as_bytes
 from stc.validate.pictures.motion import solved_at

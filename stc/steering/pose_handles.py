@@ -16,7 +16,7 @@ from stc.problem import Problem
 from stc.solution import Solution
 from stc.steering.handles import DECIMALS, Handle, body_name, qpos_at
 from stc.steering.knobs import Knobs, PoseSite
-from stc.steering.stance import FloatArray, Place, Stance, moving_bodies
+from stc.steering.posed_body import FloatArray, Place, PosedBody, moving_bodies
 
 if TYPE_CHECKING:
     from stc.validate.setup import Setup
@@ -66,7 +66,7 @@ class PoseHandles:
     def _found(self, setup: Setup, standing: Sequence[tuple[str, Place]], knobs: Knobs) -> Iterator[Handle]:
         site = self._site
         model = setup.compiled
-        data = Stance(model, qpos_at(setup, setup.solution, site.frame))
+        data = PosedBody(model, qpos_at(setup, setup.solution, site.frame))
         bodies = moving_bodies(model)
         self._axes = self._of_axes(knobs)
         moving = tuple(name for name in self._axes if name)
@@ -105,7 +105,7 @@ class PoseHandles:
         self, handle: Handle, target: FloatArray, solution: Solution, setup: Setup
     ) -> tuple[dict[str, float], FloatArray]:
         """See :meth:`stc.steering.handles.Handles.reached`."""
-        stance = Stance(setup.compiled, qpos_at(setup, solution, handle.frame))
+        stance = PosedBody(setup.compiled, qpos_at(setup, solution, handle.frame))
         here = handle.place.point(stance.data)
         if handle.kind == "place":
             way = np.where([name is not None for name in self._axes], target - here, 0.0)
@@ -148,7 +148,7 @@ class PoseHandles:
         return [f"{joint}.{part}" for part in ("qw", "qx", "qy", "qz")]
 
 
-def _below(stance: Stance, body: int, standing: Sequence[Place]) -> Place:
+def _below(stance: PosedBody, body: int, standing: Sequence[Place]) -> Place:
     """A point that goes with a body, below its middle: on the floor where something stands there."""
     point = stance.middle(body).point(stance.data)
     lowest = min((float(place.point(stance.data)[2]) for place in standing), default=float(point[2]))

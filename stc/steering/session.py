@@ -23,7 +23,7 @@ from stc.steering.edits import difference
 from stc.steering.handles import Handle, Handles, qpos_at
 from stc.steering.knobs import find_knobs
 from stc.steering.pose_handles import PoseHandles, standing_places
-from stc.steering.stance import FloatArray, Stance
+from stc.steering.posed_body import FloatArray, PosedBody
 from stc.steering.stated_handles import stated_frames
 from stc.validate.fields import apply_fields
 from stc.validate.reference import Reference
@@ -203,11 +203,11 @@ class Session:
     def points(self, setup: Setup | None = None) -> dict[str, FloatArray]:
         """(3,) where each handle is in a motion, in m; in the last solution where none is given."""
         setup, found = setup or self._tied(self.solution), {}
-        stances: dict[int, Stance] = {}
+        stances: dict[int, PosedBody] = {}
         for key, handle in self.handles.items():
             frame = min(handle.frame, setup.solution.n)
             if frame not in stances:
-                stances[frame] = Stance(setup.compiled, qpos_at(setup, setup.solution, frame))
+                stances[frame] = PosedBody(setup.compiled, qpos_at(setup, setup.solution, frame))
             found[key] = handle.place.point(stances[frame].data)
         return found
 
@@ -289,7 +289,7 @@ class Session:
         setup = self._tied(self.solution)
         constants = setup.solution.constants
         if pull.handle is not None:
-            data = Stance(setup.compiled, qpos_at(setup, setup.solution, pull.handle.frame)).data
+            data = PosedBody(setup.compiled, qpos_at(setup, setup.solution, pull.handle.frame)).data
             here = pull.handle.place.point(data)
             group = self._group(pull.handle)
             goal, there = group.reached(pull.handle, pull.target, setup.solution, setup)

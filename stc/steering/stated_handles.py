@@ -29,7 +29,7 @@ from stc.problem import (
 from stc.solution import Solution
 from stc.steering.handles import DECIMALS, Handle, body_name, qpos_at
 from stc.steering.knobs import Knobs
-from stc.steering.stance import FloatArray, Place, Stance, moving_bodies
+from stc.steering.posed_body import FloatArray, Place, PosedBody, moving_bodies
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.symbolic.slopes import Sweep
 
@@ -69,7 +69,7 @@ class StatedHandles:
 
     def _found(self, setup: Setup) -> Iterator[Handle]:
         solution, model = setup.solution, setup.compiled
-        q, stance = self._start(solution), Stance(model, qpos_at(setup, solution, self.frame))
+        q, stance = self._start(solution), PosedBody(model, qpos_at(setup, solution, self.frame))
         bodies = moving_bodies(model)
         if not bodies:
             return
@@ -114,7 +114,7 @@ class StatedHandles:
         q = self._start(solution)
         values = {name: solution.constants[name] for name in handle.knobs}
         columns = [self._names.index(name) for name in handle.knobs]
-        stance = Stance(setup.compiled, qpos_at(setup, solution, self.frame))
+        stance = PosedBody(setup.compiled, qpos_at(setup, solution, self.frame))
         for _ in range(_ITERATIONS):
             given = self._given(solution, values)
             stance.put(self._qpos(stance, q, setup))
@@ -207,7 +207,7 @@ class StatedHandles:
 
     # ------------------------------------------------------------------- the model
 
-    def _qpos(self, stance: Stance, q: FloatArray, setup: Setup) -> FloatArray:
+    def _qpos(self, stance: PosedBody, q: FloatArray, setup: Setup) -> FloatArray:
         """The model's pose for values of the variables."""
         known = self._known(q, setup.solution.constants, setup.solution)
         found = stance.qpos
@@ -216,7 +216,7 @@ class StatedHandles:
         return found
 
     def _moves(
-        self, stance: Stance, place: Place, q: FloatArray, rates: FloatArray, setup: Setup
+        self, stance: PosedBody, place: Place, q: FloatArray, rates: FloatArray, setup: Setup
     ) -> FloatArray:
         """(3, k): how a point of the model moves along ways of the variables, (variables, k)."""
         found = np.zeros((3, rates.shape[1]))

@@ -50,7 +50,7 @@ def moving_bodies(model: mujoco.MjModel) -> list[int]:
     return [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
 
 
-class Stance:
+class PosedBody:
     """A model in a pose that may be changed.
 
     Attributes:
