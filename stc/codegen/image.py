@@ -35,7 +35,7 @@ _IDENT = b"\x7fELF\x02\x01\x01"  # 64 bits, little-endian
 _RELOCATABLE, _X86_64 = 1, 62
 _PROGBITS, _SYMTAB, _RELA, _NOBITS = 1, 2, 4, 8
 _WRITE, _ALLOC, _TLS = 0x1, 0x2, 0x400
-_UNDEFINED, _FIRST_RESERVED = 0, 0xFF00
+_UNDEFINED = 0
 _GLOBAL = 1
 #: Relocations: the distance of a target to the place that refers to it, which is the same at any address.
 _PC32, _PLT32 = 2, 4

@@ -34,11 +34,6 @@ def prefetch(address: str) -> str:
     return f"call void @llvm.prefetch.p0(ptr {address}, i32 0, i32 3, i32 1)"
 
 
-#: Marks a store that goes past the caches; what the mark refers to belongs to the module.
-PAST_CACHES = ", !nontemporal !1000000"
-PAST_CACHES_NODE = "!1000000 = !{i32 1}"
-
-
 class Vector:
     """Emits instructions on ``<lanes x double>``, or on ``double`` for one lane.
 

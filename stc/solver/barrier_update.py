@@ -8,7 +8,6 @@ from __future__ import annotations
 from stc.core.functions import function
 
 SMALLEST_TAU = 0.99
-HELD_FRACTION = 0.8
 #: Why no step was found.
 DOUBTFUL_SOLUTION = 2
 

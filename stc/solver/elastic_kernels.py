@@ -1,7 +1,6 @@
 """The elastic form of a problem and its linear system, compiled (see :mod:`stc.solver.elastic`).
 
-Unknowns are those of the problem, (n,), then p and q, (m,) each; entries of the Jacobian those of the problem, then the
-columns of p and q.
+The method and its code are in ``stc/core/iteration/elastic.c``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Inertia correction, compiled: which shift of the Hessian to try next.
 
-A. Waechter and L. T. Biegler, Math. Program. 106, 2006, algorithm IC. See :mod:`stc.solver.newton_system` for the
-system, and :mod:`stc.solver.state` for the numbers ``s`` and the calls.
+The method and its code are in ``stc/core/iteration/inertia_correction.c``.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Compiled parts of Newton's method on the active set: how far a point is from a solution, and what a step leads to.
 
-See :mod:`stc.solver.projection` for the points and :mod:`stc.solver.active_set` for the method.
+The method and its code are in ``stc/core/iteration/projection.c``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ __all__ = [
 CONTRACTION = 0.1
 ACCURATE = 0.1
 """Share of the tolerance that a point is to reach where another step would."""
-CORRECTIONS = 3
 EXACT = 1e-3
 """Share of the tolerance above which a correction with the factorisation at hand is worth its while."""
 

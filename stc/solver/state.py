@@ -50,7 +50,6 @@ DUAL_BEFORE: Final = 42
 DUAL_NOW: Final = 43
 NEAREST_ERROR: Final = 44
 WAITING: Final = 45
-PATIENCE: Final = 46
 TINY_STEPS: Final = 47
 SMALL_STEPS: Final = 48
 SHORT_STEPS: Final = 49
@@ -64,7 +63,6 @@ ADAPTIVE: Final = 59  # 1 when it may be
 CHANGED: Final = 60
 SMALLEST_MU: Final = 61
 LARGEST_MU: Final = 62
-BLOCKED: Final = 63
 DOUBT: Final = 65  # the residual at which a solution is not used
 
 # Of the linear system (stc.solver.newton_system).

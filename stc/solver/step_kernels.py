@@ -1,6 +1,6 @@
 """The step of an iteration, compiled: right-hand sides, what follows from a solution, and how far it may go.
 
-See :mod:`stc.solver.kernels` for the vectors and the array of numbers.
+The method and its code are in ``stc/core/iteration/step.c``.
 """
 
 from __future__ import annotations

@@ -101,10 +101,6 @@ class Statements:
     weights: list[WeightTable]
 
 
-def is_unknown(key: object) -> bool:
-    return isinstance(key, VariableRef | ParameterRef)
-
-
 def unknowns(e: Expr) -> list[VariableRef | ParameterRef]:
     return [k for k in symbols(e) if isinstance(k, VariableRef | ParameterRef)]
 

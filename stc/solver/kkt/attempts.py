@@ -1,8 +1,6 @@
 """Factorisations where all goes to plan, in one call of machine code each.
 
-Most matrices of a solve are such: nothing is left to decide.  A chain of calls factorises them, ends where something is
-not as planned, and tells where; then :meth:`AttachedKKT.resume` does what is left to do.  Between several plans,
-stc.solver.kkt.plan_calls chooses.
+The method and its code are in ``stc/core/staged/plan_calls.c``.
 """
 
 from __future__ import annotations

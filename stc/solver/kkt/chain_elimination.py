@@ -1,23 +1,6 @@
 """Stages of a chain eliminated one after the other, in a window whose places are fixed before.
 
-Unknowns of a stage stand in the window in the opposite order of their elimination, behind those that it leaves to later
-stages:
-
-    B   unknowns that couple with every stage
-    F   unknowns of the next stage that couple with these
-    U   unknowns of the stage, the first one to be eliminated last
-
-Of the window there is the lower triangle, row by row, ``stride`` numbers each.  So whatever a pivot couples with is to
-the left of it in its own row, and rows are read and written in blocks of eight numbers.  Pivots are taken in panels
-(see stc.solver.kkt.chain_panel).
-
-What is right of the diagonal is never read as a number that counts, but is finite where all else is.
-
-In vectors, too, the unknowns of U follow one another as in the window, stage by stage, and B comes last; there is room
-for seven more numbers, which are read but do not count.
-
-Programs are lists of numbers, one for all stages of a kind.  They begin with PROGRAM numbers, places of lists being
-counted from there.  Each stage has FIELDS numbers in a table.
+The method and its code are in ``stc/core/staged/chain_elimination.c``.
 """
 
 from __future__ import annotations
@@ -72,7 +55,7 @@ CLEARED, CLEARED_AT, ENTRIES, BLOCKS, BLOCKS_AT, ROWS, ROWS_AT = 3, 4, 5, 6, 7, 
 RECORD = 4
 #: ... how many rows the stage before has left, and where its triangle goes, entry by entry; ...
 CARRIED, CARRIED_TO = 10, 11
-#: ... panels (see stc.solver.kkt.chain_panel); ...
+#: ... panels (see ``stc/core/staged/chain_panel.c``); ...
 PANELS, PANELS_AT = 12, 13
 #: ... where each panel begins, counted from PANELS_AT, and its factors; ...
 PLACES_AT = 14

@@ -1,6 +1,6 @@
 """Products with the matrix of a chain, as it is kept for them (see stc.solver.kkt.chain_elimination).
 
-For one vector or for two, which share the reading of the matrix.
+The method and its code are in ``stc/core/staged/chain_rows.c``.
 """
 
 from __future__ import annotations

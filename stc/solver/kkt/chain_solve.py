@@ -1,6 +1,6 @@
 """Solving with the factors of a chain, refined: what its runs of stages do, and how that is put together.
 
-A chain has one run of stages, or two from both ends and the tail between them, which two threads can be at.
+The method and its code are in ``stc/core/staged/chain_solve.c``.
 """
 
 from __future__ import annotations

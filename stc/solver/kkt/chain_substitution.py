@@ -1,6 +1,6 @@
 """Forward and back substitution through the stages of a chain (see stc.solver.kkt.chain_elimination).
 
-For one vector or for two, which share the reading of the factors.  Panels are of one, two or four pivots.
+The method and its code are in ``stc/core/staged/chain_substitution.c``.
 """
 
 from __future__ import annotations

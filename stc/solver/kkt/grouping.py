@@ -1,8 +1,6 @@
 """Consecutive pivots of a stage's order that are eliminated together, in panels (see stc.solver.kkt.panel).
 
-Together they have the rows that any of them has.  What that wastes on zeros is weighed against what every panel costs
-besides: groups are the cheapest ones of an order (by dynamic programming over where they end), for costs in cycles as
-measured.
+The method and its code are in ``stc/core/staged/grouping.c``.
 """
 
 from __future__ import annotations

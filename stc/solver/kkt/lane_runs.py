@@ -1,8 +1,6 @@
 """Entries of several steps loaded at once by eight segments, where they follow one another in memory.
 
-Kernels leave each entry of four or eight frames next to each other.  To load one step after the other takes eight lines
-of memory for a vector of eight segments, and all of these again for the next step.  Here four steps of an entry are
-loaded and transposed, where all segments begin at the same place of such blocks.
+The method and its code are in ``stc/core/staged/lane_runs.c``.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """What an elimination in lanes is told and what it tells of itself, and when it tests the scale.
 
-All are numbers in one array, ``state``, which compiled functions hand on to each other: whether pivots are to be
-watched, the largest test of a pivot, how many pivots were negative, how far ahead memory is asked for.  Where several
-parts of a matrix are eliminated side by side, each has a ``state`` of its own; ``put_together`` makes them one.
+The method and its code are in ``stc/core/staged/lane_state.c``.
 """
 
 from __future__ import annotations
@@ -15,7 +13,6 @@ __all__ = [
     "LARGEST",
     "NEGATIVE",
     "RARELY",
-    "STALE",
     "STATE",
     "STREAMED",
     "TRUSTED",
@@ -43,6 +40,3 @@ CHECK = 32
 STATE = 40
 #: The scale is tested with one matrix in so many and one more, or, where it was far from not serving, with fewer.
 RARELY = 11.0
-#: A scale serves as long as the largest entries of all rows are within this factor of 1; that far they are not far
-#: from where it does not.
-STALE = 1024.0

@@ -1,19 +1,6 @@
 """Eight segments of the horizon eliminated at once, one in each lane of the vectors, stage by stage.
 
-All lanes take the same pivots in the same order, fixed before.  What is in work is a dense lower triangle of vectors,
-row by row: entry (i, j), i >= j, of all eight lanes is at ``work[8 (i (i + 1) / 2 + j)]``.  Its rows are, in order,
-
-    U   unknowns of the stage, which are all eliminated
-    F   unknowns of the next stage that couple with these
-    L   states of the seam before the segment (see stc.solver.kkt.seams), which couple with its first stage
-    B   unknowns that couple with every stage
-
-and F becomes part of the next step's U.  Pivots are taken in panels of unknowns that share their rows.
-
-In ``code``, a panel is: how many members, how many rows; for each member 1, 2 for the first of a pair or 0 for the
-second; the members; the rows, increasing; where C is in the triangle, member by member.
-
-What belongs to a group of eight segments is found by way of a table, FIELDS numbers for each group.
+The method and its code are in ``stc/core/staged/lanes.c``.
 """
 
 from __future__ import annotations

@@ -1,17 +1,6 @@
 """In which order to eliminate the unknowns of one stage, found by eliminating the sizes of its entries.
 
-Pivots of one and two unknowns (Duff and Reid 1983) are taken greedily: among those that should pass the threshold
-test with a margin, the ones with few multiplications are compared by the entries that they add.  For a pivot on p and
-q, whose columns have the patterns P and Q,
-
-    D^-1 = [ a_qq  -a_pq ] / det        fills  P x Q,   P x P if a_qq != 0,   Q x Q if a_pp != 0,
-           [-a_pq   a_pp ]
-
-so that a row of the problem without diagonal, paired with a variable, costs little more than |P| |Q|.
-
-Sizes are entries of a stage like those to come in the window's slots, with their signs, zero where there is none: so
-that pivots which always cancel, because fewer unknowns than these are behind them, are seen to.  An entry that cancels
-is still an entry, if a tiny one.
+The method and its code are in ``stc/core/staged/ordering.c``.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Choosing between plans for segments in compiled code, as long as old ones will do.
 
-A table has the calls of each plan: the elimination of the segments, the search for another scale, a probe of the
-factors, the end of a factorisation, and the solves.  Which plan is in use, which is due, and what has come of it is in
-the tally of a system; stc.solver.kkt.plan_choice decides what to put there, and takes account of it.
+The method and its code are in ``stc/core/staged/plan_calls.c``.
 """
 
 from __future__ import annotations

@@ -1,9 +1,6 @@
 """What is done with the segments of one part of a horizon, while another thread may be at those of another part.
 
-A part is some groups of segments, which follow one another in vectors.  It reads what the rest has and writes nothing
-that is not its own: what it leaves to the rest goes to a vector of its own, unless it is the first part, which goes on
-where the rest has begun.  How parts are put together, in an order that does not depend on threads, is in
-stc.solver.kkt.segmented_passes.
+The method and its code are in ``stc/core/staged/segmented_parts.c``.
 """
 
 from __future__ import annotations

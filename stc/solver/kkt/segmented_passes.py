@@ -1,9 +1,6 @@
 """A system of segments and a rest: equilibrating it, eliminating, and solving with the factors of both.
 
-The segments are in one or two parts, which more than one thread can be at (see stc.solver.kkt.segmented_parts); what
-they leave to the rest is put together here.  Vectors are in the order of the segments, the rest behind them from
-``outer`` on.  Entry e of the rest off the diagonal is ``given[source[e]]`` in the places ``first[e]`` and ``second[e]``
-of vectors; the entries of segments are where the tables of stc.solver.kkt.lanes say.
+The method and its code are in ``stc/core/staged/segmented_passes.c``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Entries of K in elimination order: loading, equilibration, products.
 
-``values`` (N + E,) holds the N diagonal entries, then those above the diagonal row by row: row i has the columns
-``columns[pointers[i]:pointers[i + 1]]``, all larger than i, at ``values[N + e]``.
+The method and its code are in ``stc/core/staged/values.c``.
 """
 
 from __future__ import annotations

@@ -1,11 +1,6 @@
 """The dense window of the elimination: reading a column, taking a pivot out.
 
-The window is a symmetric matrix of which only the lower triangle is kept, row after row:
-
-    entry of slots (i, j)  ->  window[max(i, j) * stride + min(i, j)]
-
-Slots that hold no unknown are zero throughout, so that loops may run over them without looking.
-A column is gathered as a list of slots, in increasing order, and their values.
+The method and its code are in ``stc/core/staged/window.c``.
 """
 
 from __future__ import annotations
