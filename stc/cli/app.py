@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 from typer.models import CommandInfo
 
-from stc import __version__
 from stc.cli import editor, explaining, exports, jobs, perturbed, pictures, steering, studies, sweeping
 from stc.cli import view as viewing
 from stc.cli.options import solve_options, writable_page
@@ -43,6 +42,7 @@ from stc.cli.parameters import (
     WarmStart,
 )
 from stc.errors import UsageError
+from stc.version import __version__
 
 app = typer.Typer(
     help="Solve for an optimal motion, stated as constraints and an objective, and validate it in MuJoCo.",

@@ -160,7 +160,7 @@ class Certificate:
 
     def facts(self) -> list[tuple[str, str]]:
         """The origin of the numbers, as pairs of label and text."""
-        from stc import __version__
+        from stc.version import __version__
 
         report, solution = self.report, self.solution
         made = solution.stc_version
