@@ -3,9 +3,10 @@
 #   make test    set up and run all tests
 #   make check   format, lint, types, import contracts, quick tests: what to run before a commit
 #   make docs    set up and build the site of docs/ in build/site
-#   make dist    build the wheel and the source distribution in dist/
+#   make dist    build the source distribution and the wheels for all platforms in dist/
 #   make bench   set up with the other tools, measure, and write the tables and plots of docs/benchmarks.md
 VENV ?= .venv
+WHEELS ?= manylinux2014_x86_64 manylinux2014_aarch64 macosx_11_0_arm64 win_amd64
 SPEC ?= luxo_jump
 BIN := $(VENV)/bin
 # The first Python on the path that is new enough.
@@ -49,11 +50,14 @@ docs: $(VENV)/.ready-docs tree
 gallery: $(VENV)/.ready
 	$(BIN)/python -m bench.gallery
 
-# The wheel is built from the source distribution, which therefore lacks nothing.
+# Wheels are built from the source distribution, which therefore lacks nothing.  The core is compiled by the package
+# ziglang, for this machine and others: only the wheel for x86-64 Linux has been run.
 dist: $(VENV)/bin/python
 	rm -rf dist
 	$(BIN)/python -m pip install --quiet build
-	$(BIN)/python -m build --outdir dist
+	for platform in $(WHEELS); do \
+		STC_WHEEL_PLATFORM=$$platform $(BIN)/python -m build --outdir dist || exit 1; \
+	done
 
 # Installs them in new environments, one for each Python from 3.11 on that is here; some minutes.
 check-dist: dist

@@ -32,7 +32,7 @@ ALWAYS_INLINE int64_t floor_div(int64_t a, int64_t b) { return a / b - ((a % b !
 
 ALWAYS_INLINE int64_t floor_mod(int64_t a, int64_t b) {
     int64_t rest = a % b;
-    return rest + ((rest != 0) & ((rest ^ b) < 0) ? b : 0);
+    return rest + (((rest != 0) & ((rest ^ b) < 0)) ? b : 0);
 }
 
 ALWAYS_INLINE int64_t imin(int64_t a, int64_t b) { return b < a ? b : a; }
