@@ -51,7 +51,7 @@ gallery: $(VENV)/.ready
 	$(BIN)/python -m bench.gallery
 
 # Wheels are built from the source distribution, which therefore lacks nothing.  The core is compiled by the package
-# ziglang, for this machine and others: only the wheel for x86-64 Linux has been run.
+# ziglang, for this machine and others.
 dist: $(VENV)/bin/python
 	rm -rf dist
 	$(BIN)/python -m pip install --quiet build
