@@ -102,7 +102,7 @@ class MultifrontalKKT(ByCopies):
     @property
     def nnz_factor(self) -> int:
         """See ``KKTSystem.nnz_factor``."""
-        return int(self._facts.entries)
+        return int(self._facts.entries) if self._factorized else 0
 
     @property
     def operations(self) -> int:
