@@ -81,7 +81,7 @@ kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays) {
     s->arrays = *arrays;
     s->hess_count = pattern->hess_count;
     s->jac_count = pattern->jac_count;
-    s->options = (kkt_options){1e-4, 1e300, 1e-13, 10, 0};
+    s->options = (kkt_options){1e-4, 1e300, 1e-13, 10, 0, 4.0};
     for (int64_t e = 0; e < pattern->hess_count; e++) entries += pattern->hess_rows[e] != pattern->hess_cols[e];
     entries += pattern->jac_count;
     s->entries = entries;

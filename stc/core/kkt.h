@@ -33,7 +33,8 @@ enum {
     KKT_NO_MEMORY = 3,
 };
 
-/* The sparsity: every entry of J and of the lower triangle of H once. */
+/* The sparsity: every entry of J and of the lower triangle of H once.  K may be what the elimination of other unknowns has
+ * left: entries of H may then couple rows as well, numbered from n on, as if H were of size n + m. */
 typedef struct {
     int32_t n, m;
     int64_t hess_count, jac_count;
@@ -57,8 +58,9 @@ typedef struct {
     double threshold;   /* u, between 0 and 0.5 */
     double certain;     /* small pivots so many times larger than the noise in them are no zeros; huge: all are */
     double fine;        /* what accuracy[0] is set to by a factorisation */
-    int64_t refinements; /* steps at most */
+    int64_t refinements; /* steps at most; 0: the caller refines, and nothing is reported */
     int64_t replan;     /* 1: plan the elimination anew with the next matrix */
+    double stale;       /* a scale serves as long as the largest entries of all rows are within this factor of 1 */
 } kkt_options;
 
 /* What is known of the last factorisation. */

@@ -59,6 +59,7 @@ class Options(ctypes.Structure):
         ("fine", ctypes.c_double),
         ("refinements", ctypes.c_int64),
         ("replan", ctypes.c_int64),
+        ("stale", ctypes.c_double),
     ]
 
 

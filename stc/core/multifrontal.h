@@ -79,11 +79,16 @@ static int reserve(kkt *s, int32_t size, int64_t factors_used, int64_t stack_use
     return 0;
 }
 
+/* Where more unknowns wait for a later front than this many and those of the front, smaller pivots are taken: in matrices
+ * close to singular they would gather, thousands of them, and fill the last fronts. */
+#define WAITING_FREELY 100
+#define LOWEST_THRESHOLD 1e-8
+
 int64_t factorize_all(kkt *s) {
     const plan *p = s->plan;
     int64_t factors_used = 0, stack_used = 0, index_used = 0, entries = 0, operations = 0, delayed_in_all = 0;
-    int32_t waiting = 0, pivots = 0, widest = 0;
-    front f = {.threshold = s->options.threshold, .order = p->order, .variables = s->n};
+    int32_t waiting = 0, pivots = 0, widest = 0, held = 0;
+    front f = {.order = p->order, .variables = s->n};
     for (int32_t at = 0; at < p->fronts; at++) {
         int32_t first = p->first[at], own = p->first[at + 1] - first, delayed = 0;
         int32_t rows = (int32_t)(p->row_start[at + 1] - p->row_start[at]);
@@ -99,6 +104,7 @@ int64_t factorize_all(kkt *s) {
         f.inverse = s->inverse + 3 * (int64_t)pivots;
         f.kind = s->kind + pivots;
         f.panel = s->panel.at;
+        f.threshold = held > WAITING_FREELY + size ? LOWEST_THRESHOLD : s->options.threshold;
         for (int32_t j = 0; j < columns_of(size); j++) clear_column(f.at + (int64_t)j * stride, j & ~7, stride);
         for (int32_t k = 0; k < own; k++) f.index[delayed + k] = first + k;
         memcpy(f.index + f.summed, p->rows + p->row_start[at], sizeof(int32_t) * (size_t)rows);
@@ -120,6 +126,7 @@ int64_t factorize_all(kkt *s) {
             stack_used = child->at;
         }
         eliminate(&f);
+        held += f.summed - f.eliminated - delayed;
         int32_t taken = f.eliminated;
         if (p->parent[at] < 0 && taken < size) { /* not a number, or overflowed: give up on what is left */
             for (int32_t k = taken; k < size; k++) {

@@ -8,6 +8,9 @@
 /* Unknowns with more neighbours than this many, and than so many times the root of their number, are eliminated last. */
 #define MANY 40
 #define DENSE 4.0
+/* Stages tell a good order where they couple with near ones, so many stages away at most, but for this share of entries. */
+#define NEAR 4
+#define FEW 0.01
 /* What a front takes besides its operations, in operations: for itself, for each of its rows, and for each entry. */
 #define FRONT_COST 600.0
 #define ROW_COST 15.0
@@ -268,6 +271,10 @@ plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_
     double many = DENSE * sqrt((double)size);
     if (many < MANY) many = MANY;
     for (int32_t i = 0; i < size; i++) dense[i] = (double)(g->start[i + 1] - g->start[i]) > many;
+    int64_t far = 0;
+    for (int64_t e = 0; e < entries; e++)
+        far += !dense[one[e]] && !dense[other[e]] && abs(stage[one[e]] - stage[other[e]]) > NEAR;
+    if ((double)far > FEW * (double)entries) stage = into; /* zeros, so far: a single one */
     if (match_rows(g, magnitude, variables, dense, stage, mate)) goto done;
     if (order_pairs(g, mate, dense, stage, &found, node_of, &nodes)) goto done;
     /* Elements in order, and one more front for those left out. */

@@ -26,7 +26,7 @@ from stc.solver.filter_line_search import (
 from stc.solver.formulation import MANY_GAPS, Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.iteration_calls import BLOCKED, FACTORIZATION, LOOK, SEARCH, stages_of
-from stc.solver.kkt.frontal import DOUBTFUL
+from stc.solver.kkt.multifrontal import DOUBTFUL
 from stc.solver.monitor import Monitor
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats

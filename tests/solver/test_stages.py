@@ -11,7 +11,7 @@ from symbolic_program import SymbolicProgram
 import stc
 from stc.solver import Options, Status, minimize
 from stc.solver.filter import GAMMA_PHI, GAMMA_THETA, ROOM, Filter
-from stc.solver.kkt import FrontalKKT, structured_kkt
+from stc.solver.kkt import MultifrontalKKT, structured_kkt
 from stc.solver.kkt.planned import PlannedKKT
 
 numbers = st.floats(-1e6, 1e6)
@@ -25,7 +25,7 @@ def test_attempts_change_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> 
         return stc.load(name).solve()
 
     with monkeypatch.context() as without:
-        for kind in (FrontalKKT, PlannedKKT):
+        for kind in (MultifrontalKKT, PlannedKKT):
             without.setattr(kind, "attempt_call", None)
         expected = solve()
     found = solve()

@@ -8,12 +8,12 @@ import scipy.linalg
 from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, Values, exact_inertia, generic
 
 from stc.core.calls import chain
-from stc.solver.kkt import DenseKKT, FrontalKKT, Inertia
+from stc.solver.kkt import DenseKKT, Inertia
 from stc.solver.kkt.contract import AttachedKKT
 from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.reuse import StructuredKKT
 
-SYSTEMS = [DenseKKT, FrontalKKT, MultifrontalKKT]
+SYSTEMS = [DenseKKT, MultifrontalKKT]
 
 
 def equilibrated(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
