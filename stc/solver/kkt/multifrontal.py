@@ -77,9 +77,9 @@ class MultifrontalKKT(ByCopies):
         weakref.finalize(self, lib.kkt_free, system).atexit = False
         self._options = lib.kkt_options_of(system).contents
         self._facts = lib.kkt_facts_of(system).contents
-        self._refactor, self._solve, self._solve_both = (
+        self._refactor, self._attempt, self._solve, self._solve_both = (
             Bound.of_native(function, [system], self)
-            for function in (lib.kkt_refactor, lib.kkt_solve, lib.kkt_solve_both)
+            for function in (lib.kkt_refactor, lib.kkt_attempt, lib.kkt_solve, lib.kkt_solve_both)
         )
         self.restart()
 
@@ -122,7 +122,7 @@ class MultifrontalKKT(ByCopies):
     @property
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
-        return self._refactor if self._factorized else None
+        return self._attempt if self._factorized else None
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
