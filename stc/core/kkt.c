@@ -212,8 +212,7 @@ static int is_finite(const kkt *s) {
     return check == 0.0;
 }
 
-int64_t kkt_refactor(kkt *const *system) {
-    kkt *s = *system;
+static int64_t factorize(kkt *s, int needed) {
     int finite = 0;
     s->factorized = 0;
     if (!s->plan || s->options.replan || s->wasted > s->allowed) {
@@ -224,12 +223,18 @@ int64_t kkt_refactor(kkt *const *system) {
     load_values(s, &finite);
     if (!finite) return KKT_NOT_FINITE;
     s->facts.factorizations++;
-    int64_t ended = factorize_all(s);
-    if (ended == KKT_NO_MEMORY) return ended;
-    s->wasted += (double)(s->facts.operations - s->plan->operations);
+    int64_t ended = factorize_all(s, needed);
+    if (ended == KKT_NO_MEMORY || ended == KKT_GIVEN_UP) return ended;
     s->arrays.accuracy[0] = s->options.fine;
     s->factorized = 1;
     return ended;
+}
+
+int64_t kkt_refactor(kkt *const *system) { return factorize(*system, 0); }
+
+int64_t kkt_attempt(kkt *const *system) {
+    int64_t ended = factorize(*system, 1);
+    return ended == KKT_SINGULAR || ended == KKT_GIVEN_UP ? KKT_OK : ended;
 }
 
 int64_t kkt_solve(kkt *const *system) {

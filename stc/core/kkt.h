@@ -7,6 +7,7 @@
  *
  *     kkt_new        takes the pattern, copies it, and allocates what does not depend on values
  *     kkt_refactor   scales K, plans the elimination the first time (order.c), and factorises (front.c)
+ *     kkt_attempt    the same, but given up as soon as the inertia cannot be (n, m, 0) any more
  *     kkt_solve      solves with iterative refinement (solve.c); kkt_solve_both for two right-hand sides at once
  *     kkt_free
  *
@@ -86,6 +87,11 @@ API const kkt_facts *kkt_facts_of(const kkt *system);
 
 /* These take the address of a pointer, so that a prepared call is one cell of memory. */
 API int64_t kkt_refactor(kkt *const *system);
+
+/* KKT_OK, unless a number is not finite or there is no memory.  An inertia that is not (n, m, 0) may be told before the
+ * factorisation is complete: the array then holds one that is wrong in the same direction, and there is nothing to solve
+ * with. */
+API int64_t kkt_attempt(kkt *const *system);
 API int64_t kkt_solve(kkt *const *system);
 API int64_t kkt_solve_both(kkt *const *system);
 

@@ -130,6 +130,7 @@ def library(kind: str | None = None) -> ctypes.CDLL:
         ("kkt_options_of", ctypes.POINTER(Options), [ctypes.c_void_p]),
         ("kkt_facts_of", ctypes.POINTER(Facts), [ctypes.c_void_p]),
         ("kkt_refactor", ctypes.c_int64, [call]),
+        ("kkt_attempt", ctypes.c_int64, [call]),
         ("kkt_solve", ctypes.c_int64, [call]),
         ("kkt_solve_both", ctypes.c_int64, [call]),
         ("chain_run", ctypes.c_int64, [call]),

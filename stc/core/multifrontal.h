@@ -84,13 +84,28 @@ static int reserve(kkt *s, int32_t size, int64_t factors_used, int64_t stack_use
 #define WAITING_FREELY 100
 #define LOWEST_THRESHOLD 1e-8
 
-int64_t factorize_all(kkt *s) {
+/* Of the elimination of so many unknowns of a front. */
+static int64_t operations_of(int64_t size, int64_t taken) {
+    int64_t count = 0;
+    for (int64_t k = 0; k < taken; k++) count += (size - k) * (size - k - 1) / 2;
+    return count;
+}
+
+/* How many of some unknowns are rows. */
+static int32_t rows_among(const kkt *s, const int32_t *index, int32_t count) {
+    int32_t rows = 0;
+    for (int32_t k = 0; k < count; k++) rows += s->plan->order[index[k]] >= s->n;
+    return rows;
+}
+
+int64_t factorize_all(kkt *s, int needed) {
     const plan *p = s->plan;
     int64_t factors_used = 0, stack_used = 0, index_used = 0, entries = 0, operations = 0, delayed_in_all = 0;
     int32_t waiting = 0, pivots = 0, widest = 0, held = 0;
     front f = {.order = p->order, .variables = s->n};
     for (int32_t at = 0; at < p->fronts; at++) {
-        int32_t first = p->first[at], own = p->first[at + 1] - first, delayed = 0;
+        int32_t first = p->first[at], own = p->first[at + 1] - first, delayed = 0, excess = 0;
+        int64_t positive = f.positive;
         int32_t rows = (int32_t)(p->row_start[at + 1] - p->row_start[at]);
         for (int32_t c = 0; c < p->children[at]; c++) delayed += s->waiting[waiting - 1 - c].delayed;
         int32_t size = delayed + own + rows, stride = stride_of(size);
@@ -124,6 +139,7 @@ int64_t factorize_all(kkt *s) {
             for (int32_t k = child->delayed; k < child->size; k++) s->local[k] = delayed + local[k];
             add_contribution(f.at, stride, s->stack.at + child->at, child, s->local, s->local + s->local_room / 2);
             stack_used = child->at;
+            excess += child->excess;
         }
         eliminate(&f);
         held += f.summed - f.eliminated - delayed;
@@ -140,6 +156,18 @@ int64_t factorize_all(kkt *s) {
             }
             taken = size;
         }
+        /* With more pivots up to here that are not positive than rows among them and rows still to come that they couple
+         * with, there is a space of more than m dimensions on which the quadratic form of K is nowhere positive: the span
+         * of those directions of the pivots that solve the rows to come, and of all rows to come.  Then more than m
+         * eigenvalues are negative or zero, whatever follows. */
+        excess += taken - (int32_t)(f.positive - positive) - rows_among(s, f.index, taken);
+        int32_t beyond = needed ? excess - rows_among(s, f.index + taken, size - taken) : 0;
+        if (beyond > 0) {
+            s->arrays.inertia[0] = s->n - beyond;
+            s->arrays.inertia[1] = s->m + beyond - f.zero;
+            s->arrays.inertia[2] = f.zero;
+            return KKT_GIVEN_UP;
+        }
         factored *kept = &s->fronts[at];
         kept->factor_at = factors_used;
         kept->index_at = index_used;
@@ -153,7 +181,9 @@ int64_t factorize_all(kkt *s) {
         widest = size > widest ? size : widest;
         delayed_in_all += f.summed - taken;
         entries += (int64_t)taken * size - (int64_t)taken * (taken - 1) / 2;
-        for (int32_t k = 0; k < taken; k++) operations += (int64_t)(size - k) * (size - k - 1) / 2;
+        int64_t done = operations_of(size, taken);
+        operations += done;
+        s->wasted += (double)(done - operations_of(own + rows, own));
         if (p->parent[at] >= 0) {
             contribution *c = &s->waiting[waiting++];
             c->size = size - taken;
@@ -162,6 +192,7 @@ int64_t factorize_all(kkt *s) {
             c->at = stack_used;
             c->index_at = kept->index_at + taken;
             c->front = at;
+            c->excess = excess;
             for (int32_t j = 0; j < c->size; j++)
                 copy_column(s->stack.at + stack_used + (int64_t)j * c->stride, f.at + (int64_t)(taken + j) * stride + taken,
                             j, c->size);

@@ -22,6 +22,7 @@ typedef struct {
 typedef struct {
     int64_t at, index_at;
     int32_t stride, size, delayed, front;
+    int32_t excess; /* pivots of the front and of all below it that are not positive, beyond the rows among them */
 } contribution;
 
 struct kkt {
@@ -55,10 +56,12 @@ struct kkt {
     double wasted, allowed; /* operations beyond those planned, and how many are worth another plan */
 };
 
+enum { KKT_GIVEN_UP = -1 };
 enum { ONE = 1, FIRST = 2, SECOND = 3 };
 
 /* What works on numbers (numeric.c): with a plan, values are loaded, then factorised, then solved with. */
-int64_t factorize_all(kkt *s);
+/* With `needed`, only an inertia (n, m, 0) is of use: KKT_GIVEN_UP as soon as there is none. */
+int64_t factorize_all(kkt *s, int needed);
 void load_values(kkt *s, int *finite);
 void solve_system(kkt *s, int both);
 

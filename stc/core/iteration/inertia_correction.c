@@ -174,7 +174,8 @@ int64_t inertia_correction_factorize(const int64_t *calls, int64_t n, int64_t m,
             s[TASK] = TRY;
             if (singular && s[DUAL_SHIFT] == 0.0 && s[EQUATIONS] != 0.0) {
                 s[DUAL_SHIFT] = s[SOFT];
-                if (s[SHIFT] == 0.0) continue;
+                /* What is subtracted from the diagonal of the rows makes eigenvalues negative, and no more. */
+                if (s[SHIFT] == 0.0 && s[EXCESS] < 0.0) continue;
             }
             if (s[SHIFT] == 0.0) {
                 s[FAILURES] += 1.0;

@@ -157,6 +157,9 @@ class AttachedKKT(KKTSystem, Protocol):
 
         Its result is 0 then, and ``solve_call`` and ``solve_both_call`` stay as they are. Other results are what
         ``resume`` takes. None where there is no such call; valid until ``refactor``, ``resume`` or ``check_solution``.
+
+        It is for those who can only use the inertia (n, m, 0): any other may be found before the factorisation is
+        complete. ``inertia`` is then wrong in the same direction, and there is nothing to solve with.
         """
 
     def resume(self, ended: int) -> Inertia:

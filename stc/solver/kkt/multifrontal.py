@@ -106,9 +106,9 @@ class MultifrontalKKT(ByCopies):
         if part:
             self._options.refinements, self._options.stale = 0, STALE_OF_PART
         self._facts = lib.kkt_facts_of(system).contents
-        self._refactor, self._solve, self._solve_both = (
+        self._refactor, self._attempt, self._solve, self._solve_both = (
             Bound.of_native(function, [system], self)
-            for function in (lib.kkt_refactor, lib.kkt_solve, lib.kkt_solve_both)
+            for function in (lib.kkt_refactor, lib.kkt_attempt, lib.kkt_solve, lib.kkt_solve_both)
         )
         self.restart()
 
@@ -161,7 +161,7 @@ class MultifrontalKKT(ByCopies):
     @property
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
-        return self._refactor if self._factorized else None
+        return self._attempt if self._factorized else None
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
