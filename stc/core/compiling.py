@@ -74,8 +74,8 @@ FLAGS = [
 #: loops, where they are contracted to multiply-adds.
 CONTRACTED = {
     "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions", "elastic",
-    "gather", "kernels", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "panel", "segmented_parts",
-    "segmented_passes", "step", "substitution", "values", "window",
+    "gather", "kernels", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "segmented_parts",
+    "segmented_passes", "step", "values", "window",
 }  # fmt: skip
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));

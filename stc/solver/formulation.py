@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from stc.core.calls import Bound
 from stc.solver.evaluator import Evaluator, status_of
 from stc.solver.kernels import EQUALITY, IGNORED, INEQUALITY, overstepped
-from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.kkt.attached import attached
+from stc.solver.kkt.couplings import sort_by_key
 from stc.solver.nlp import Floats, Ints, Mask
 from stc.solver.products import Indices, symmetric_times, times
 from stc.solver.state import VIOLATION

@@ -20,7 +20,7 @@ from stc.records import dataclass, field
 from stc.solver.convexity import Bending
 from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Places, Scaling, python_evaluator
 from stc.solver.form_cache import Keeper, once
-from stc.solver.kkt.arrangement import sort_by_key
+from stc.solver.kkt.couplings import sort_by_key
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.pairs import Complementary, Pairs

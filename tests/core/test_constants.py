@@ -47,8 +47,8 @@ FILES = {
     "filter": "line_search", "filter_line_search": "line_search", "products": "kernels", "penalised": "elastic",
     "elastic_kernels": "elastic", "iteration_calls": "progress", "progress_kernels": "progress",
     "step_kernels": "step", "projection_kernels": "projection", "outcome": "state",
-    "arrangement": "arranging", "levels": "arranging", "staging": "arranging", "segments": "arranging",
-    "postponing": "arranging", "unplanned": "window", "attempts": "plan_calls", "lane_memory": "lane_state",
+    "couplings": "arranging", "levels": "arranging", "segments": "arranging", "postponing": "arranging",
+    "lane_memory": "lane_state",
     "lane_values": "lane_state",
 }  # fmt: skip
 

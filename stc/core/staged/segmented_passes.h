@@ -52,7 +52,7 @@ API int64_t segmented_passes_eliminate_all(const int64_t *calls, int64_t place, 
                                            const int32_t *second, const int32_t *source, int64_t variables,
                                            int64_t filled, double *rest_matrix);
 
-/* Solve K x = rhs: the segments' part, the rest's, the segments' again; refined as in substitution.solve.
+/* Solve K x = rhs: the segments' part, the rest's, the segments' again; refined.
  *
  * both: whether to do the same for other_rhs, in common passes; report then tells of the less accurate.
  * calls, place: where the calls of the parts are among the prepared ones: FORWARD and so on from place on.
@@ -60,7 +60,7 @@ API int64_t segmented_passes_eliminate_all(const int64_t *calls, int64_t place, 
  *     parts but the first leave to the rest, a vector of each; high: work space.
  * rest_matrix: what eliminate_all has kept of the rest.
  * rest_place: the rest's solves among the prepared calls, of one right-hand side and of both; rest_rhs ...: their arrays.
- * rhs, result: (N,); report: see substitution.REPORT; the other arrays are work space. */
+ * rhs, result: (N,); report: see kkt_arrays; the other arrays are work space. */
 API void segmented_passes_solve_all(int64_t both, int64_t refinements, const double *accuracy, const int64_t *calls,
                                     int64_t place, int64_t parts, int64_t *progress, const double *norms, double *high,
                                     const double *left, const double *other_left, const int32_t *index, int64_t outer,

@@ -17,7 +17,6 @@ from stc.arrays import aligned_zeros
 from stc.codegen.threads import parallel, record
 from stc.core.calls import Bound, CallTable
 from stc.solver.kkt import chain_elimination, plan_calls
-from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain_elimination import eliminate, eliminate_run
 from stc.solver.kkt.chain_plan import WAYS, Chain, ChainProgram, lay_out_chain, plan_chain
 from stc.solver.kkt.chain_rows import VECTORS
@@ -33,6 +32,7 @@ from stc.solver.kkt.chain_solve import (
     solve,
 )
 from stc.solver.kkt.chain_substitution import ONE, UNITS
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.folding import fold
 from stc.solver.kkt.lane_program import effort_of

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from stc.arrays import distinct
 from stc.records import dataclass
 from stc.solver.kkt import lanes
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.lane_program import Kind, Program, triangle
 from stc.solver.kkt.lane_runs import are_worthwhile, runs_of
 from stc.solver.kkt.seams import Sewn

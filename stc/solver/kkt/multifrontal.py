@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from stc.arrays import ranks
 from stc.core import library as core
 from stc.core.calls import Bound
-from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.contract import Inertia, NotFinite
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.nlp import Ints
 
@@ -72,9 +72,9 @@ class MultifrontalKKT(ByCopies):
         off = couplings.hess_off
         hess[0, off], hess[1, off] = couplings.first[: off.size], couplings.second[: off.size]
         hess[:, couplings.hess_diagonal] = couplings.hess_variable
-        rows = [
-            np.ascontiguousarray(part, dtype=np.int32)
-            for part in (
+        integers = [
+            np.ascontiguousarray(numbers, dtype=np.int32)
+            for numbers in (
                 *hess, couplings.first[off.size :] - n, couplings.second[off.size :],
                 ranks(stage)[0] if stage.size else stage,
             )
@@ -88,17 +88,17 @@ class MultifrontalKKT(ByCopies):
         self._factorized = False
         self._counted_before = 0
         lib = core.library()
-        pattern = core.Pattern(n, m, self.hess.size, self.jac.size, *(part.ctypes.data for part in rows))
-        arrays = core.Arrays(
+        pattern = core.Pattern(n, m, self.hess.size, self.jac.size, *(numbers.ctypes.data for numbers in integers))
+        places = core.Arrays(
             *(
-                part.ctypes.data
-                for part in (
+                array.ctypes.data
+                for array in (
                     self.hess, self.jac, self.primal, self.dual, self.rhs, self.second_rhs, self.solution,
                     self.second_solution, self.report, self.accuracy, self.inertia,
                 )
             )
         )  # fmt: skip
-        system = lib.kkt_new(ctypes.byref(pattern), ctypes.byref(arrays))
+        system = lib.kkt_new(ctypes.byref(pattern), ctypes.byref(places))
         if not system:
             raise MemoryError("there is no memory for a linear system of this size")
         weakref.finalize(self, lib.kkt_free, system).atexit = False

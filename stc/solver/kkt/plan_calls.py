@@ -37,9 +37,9 @@ __all__ = [
 ]
 
 #: In the tally of a system: attempts that succeeded since it was last looked at; how many more there may be, -1 where
-#: another plan is due; the plan of the factors, and that for the next matrix; another one to try when no more are allowed, or -1; how
-#: many are allowed when that suits, and when not; what came of it (0 so far), and how many had succeeded by then; 1 as
-#: long as there is no scale yet.
+#: another plan is due; the plan of the factors, and that for the next matrix; another one to try when no more are
+#: allowed, or -1; how many are allowed when that suits, and when not; what came of it (0 so far), and how many had
+#: succeeded by then; 1 as long as there is no scale yet.
 MADE, ALLOWED, NOW, NEXT, OTHER, IF_SUITED, IF_REFUSED, OUTCOME, MADE_BEFORE, FRESH, TALLY = (
     0,
     1,

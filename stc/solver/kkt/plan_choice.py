@@ -14,9 +14,8 @@ import numpy as np
 
 from stc.core.calls import Bound
 from stc.records import dataclass, field
-from stc.solver.kkt.contract import COARSE
+from stc.solver.kkt.contract import COARSE, REPORT
 from stc.solver.kkt.lane_state import LARGEST
-from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
 __all__ = ["Plans", "Prepared"]

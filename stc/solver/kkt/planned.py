@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from stc.arrays import aligned_zeros, scattered
 from stc.core.calls import Bound, CallTable, chain_until
 from stc.solver.kkt import plan_calls
-from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.contract import FINE, Inertia, NotFinite
+from stc.solver.kkt.contract import FINE, REPORT, Inertia, NotFinite
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.lane_state import COUNTED, DISTANCE, FETCHED, LARGEST, STATE, STREAMED, TRUSTED, UNWATCHED
 from stc.solver.kkt.multifrontal import DOUBTFUL, MultifrontalKKT
 from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.segmented_passes import diagonal_of
-from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
 __all__ = ["GROWTH", "INVERSE", "ROOM", "SWEEPS", "WHOLE", "PlannedKKT", "new_state"]
@@ -178,7 +177,7 @@ class PlannedKKT(ByCopies):
         Args:
             place: PROBE, SOLVE or SOLVE_BOTH, which is for two right-hand sides.
             vectors: for either right-hand side: itself, ``_vectors``, the solution.
-            reports: of either; see ``substitution.REPORT``.
+            reports: of either; see ``contract.REPORT``.
         """
 
     def _own_diagonal(self) -> Floats:

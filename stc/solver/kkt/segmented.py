@@ -16,7 +16,7 @@ from stc.arrays import aligned_zeros
 from stc.codegen.threads import parallel, record
 from stc.core.calls import Bound, CallTable
 from stc.solver.kkt import lanes, plan_calls
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.lane_panel import KNOWN, PANEL
 from stc.solver.kkt.lane_program import WAYS, Program, effort_of, kind_of, plan_panels

@@ -9,7 +9,7 @@ from solver.kkt.backends import assert_alike_with_all_instructions
 from solver.kkt.kkt_problems import STRUCTURES, Builder, Pattern, Values, generic, sparse_diagonals
 
 from stc.solver.kkt import DenseKKT, Inertia, MultifrontalKKT, multifrontal
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays
 
 

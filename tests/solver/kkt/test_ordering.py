@@ -7,11 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from solver.kkt.kkt_problems import symmetric
 
-from stc.solver.kkt.ordering import COMPARED, MARGIN, SECOND, SETS, UNPLANNED, order_stage
+from stc.core.functions import function
+from stc.solver.kkt.ordering import MARGIN, SECOND, SETS, order_stage
 from stc.solver.kkt.slot_sets import words_of
-from stc.solver.kkt.values import GOOD, find_scale
 
 SEEDS = st.integers(0, 10**6)
+#: Pivots with so many times the fewest multiplications are compared by their fill; unknowns that are no pivots.
+COMPARED, UNPLANNED = 2.0, -1
+#: A scale is good when the largest entries of all rows are within this factor of 1.
+GOOD = 2.0
+find_scale = function("values_find_scale")
 
 
 def ordered(
