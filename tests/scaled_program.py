@@ -45,6 +45,21 @@ def inside(form: ScaledProblem, seed: int) -> Iterate:
     return evaluate(form, w, y, rng.uniform(0.1, 2.0, form.gaps))
 
 
+def errors_of(form: ScaledProblem, it: Iterate, mu: float) -> tuple[float, float, float]:
+    """Dual, primal and complementarity error of the barrier problem (Waechter and Biegler 2006, equation 5)."""
+    z_sum = float(it.z.sum())
+
+    def scale(total: float, count: int) -> float:
+        return min(max(total / max(count, 1) / 100.0, 1.0), 1000.0)
+
+    return (
+        float(np.abs(it.dual - form.scatter(it.z)).max(initial=0.0))
+        / scale(float(np.abs(it.y).sum()) + z_sum, form.m + form.gaps),
+        float(np.abs(it.c).max(initial=0.0)),
+        float(np.abs(it.gap * it.z - mu).max(initial=0.0)) / scale(z_sum, form.gaps),
+    )
+
+
 def dense(rows: np.ndarray, cols: np.ndarray, values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     matrix = np.zeros(shape)
     matrix[rows, cols] = values

@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 
 from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, REFINEMENTS
-from stc.solver.filter_line_search import HALF
+from stc.solver.constants import ACCURATE, CONTRACTION, HALF
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
@@ -28,7 +28,6 @@ from stc.solver.nlp import Floats, Mask
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.products import NOTHING, ROUNDED, at_bounds, between
 from stc.solver.projection import Projection, ProjectionPair
-from stc.solver.projection_kernels import ACCURATE, CONTRACTION
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
@@ -106,7 +105,7 @@ def newton_on_active_set(
             form.user_objective(new.f),
             new.violation,
             new.error,
-            float(pair.largest[0]),
+            pair.change,
             1.0,
             0.0,
             0.0,

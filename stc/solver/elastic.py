@@ -21,23 +21,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.core.calls import CallTable, chain
-from stc.solver import elastic_kernels
+from stc.core.functions import function
 from stc.solver.evaluator import Evaluator
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, evaluate
-from stc.solver.kernels import copy
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies
 from stc.solver.nlp import Floats
 from stc.solver.products import inner
 from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.state import VIOLATION
 
 if TYPE_CHECKING:
     from stc.core.calls import Bound
     from stc.solver.kkt.contract import AttachedKKT
 
 __all__ = ["ElasticKKT", "ElasticProblem"]
+
+#: The calls of an attempt to factorise: what comes before, and the attempt of the problem's own system.
+_ELIMINATE, _ATTEMPT = 0, 1
 
 
 class ElasticKKT(ByCopies):
@@ -55,18 +56,18 @@ class ElasticKKT(ByCopies):
         self.inertia = np.zeros(3, dtype=np.int64)
         self._factorized = False
         sizes, inverse = (n, m, jac_entries), np.zeros(2 * m)
-        self._eliminate = elastic_kernels.eliminate.bind(
+        self._eliminate = function("elastic_eliminate").bind(
             *sizes, self.jac, self.primal, self.dual, inverse, base.jac, base.primal, base.dual
         )
-        self._calls = CallTable(elastic_kernels.CALLS)
-        self._calls.put(elastic_kernels.ELIMINATE, self._eliminate)
-        self._attempt = elastic_kernels.attempt.bind(self._calls.cells, m, base.inertia, self.inertia)
+        self._calls = CallTable(2)
+        self._calls.put(_ELIMINATE, self._eliminate)
+        self._attempt = function("elastic_attempt").bind(self._calls.cells, m, base.inertia, self.inertia)
         self._begin, self._begin_second = (
-            elastic_kernels.hand_on.bind(*sizes, self.jac, inverse, rhs, own)
+            function("elastic_hand_on").bind(*sizes, self.jac, inverse, rhs, own)
             for rhs, own in ((self.rhs, base.rhs), (self.second_rhs, base.second_rhs))
         )
         self._end, self._end_second = (
-            elastic_kernels.complete.bind(*sizes, self.jac, inverse, rhs, own, solution)
+            function("elastic_complete").bind(*sizes, self.jac, inverse, rhs, own, solution)
             for rhs, own, solution in (
                 (self.rhs, base.solution, self.solution),
                 (self.second_rhs, base.second_solution, self.second_solution),
@@ -104,7 +105,7 @@ class ElasticKKT(ByCopies):
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
         own = self._base.attempt_call if self._factorized else None
-        self._calls.put(elastic_kernels.ATTEMPT, own)
+        self._calls.put(_ATTEMPT, own)
         return None if own is None else self._attempt
 
     def resume(self, ended: int) -> Inertia:
@@ -235,13 +236,13 @@ class ElasticProblem(Formulation):
         plain.weight[0] = 0.0
         ev.gradient[n:] = np.where(self.held, 0.0, self.price)[n:]
         ev.jac[entries:] = self._columns
-        place = copy.bind(n, ev.x, plain.x)
+        place = function("point_copy").bind(n, ev.x, plain.x)
         away = self._curvature, self._reference
         ev.values_call = chain(
             [
                 place,
                 plain.values_call,
-                elastic_kernels.values.bind(
+                function("elastic_values").bind(
                     n, m, self.price, *away, plain.r, plain.values_status, ev.x, ev.f, ev.r, ev.values_status
                 ),
             ]
@@ -249,23 +250,23 @@ class ElasticProblem(Formulation):
         ev.derivatives_call = chain(
             [
                 place,
-                copy.bind(m, ev.y, plain.y),
+                function("point_copy").bind(m, ev.y, plain.y),
                 plain.derivatives_call,
-                elastic_kernels.derivatives.bind(
+                function("elastic_derivatives").bind(
                     n, entries, base.free_factor, *away, plain.jac, ev.x, ev.gradient, ev.jac
                 ),
             ]
         )  # fmt: skip
         return ev
 
-    def watch_call(self, it: Iterate, numbers: Floats) -> Bound:
+    def watch_call(self, it: Iterate, violation: Floats, stated: Floats) -> Bound:
         base, plain = self.base, self._own_evaluator
         return chain(
             [
-                copy.bind(base.n, it.w, plain.x),
+                function("point_copy").bind(base.n, it.w, plain.x),
                 plain.values_call,
-                base.violation_call(plain.x, plain.r, numbers[VIOLATION : VIOLATION + 1]),
-                elastic_kernels.state.bind(base.objective_unit, plain.f, numbers),
+                base.violation_call(plain.x, plain.r, violation),
+                function("elastic_state").bind(base.objective_unit, plain.f, stated),
             ]
         )
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from stc.solver.constants import SMALL_VIOLATION
 from stc.solver.elastic import ElasticProblem
-from stc.solver.filter_line_search import SMALL_VIOLATION
 from stc.solver.interior import optimise
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor

@@ -15,16 +15,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stc.core.calls import Bound
+from stc.core.functions import function
+from stc.core.structures import Structure, structure
+from stc.solver.constants import EQUALITY, IGNORED, INEQUALITY
 from stc.solver.evaluator import Evaluator, status_of
-from stc.solver.kernels import EQUALITY, IGNORED, INEQUALITY, overstepped
 from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats, Ints, Mask
 from stc.solver.products import Indices, symmetric_times, times
-from stc.solver.state import VIOLATION
 
 if TYPE_CHECKING:
     from stc.solver.iterate import Iterate
@@ -139,40 +139,55 @@ class Formulation:
         """``kkt`` with arrays that everybody who works on this form writes into."""
         return attached(self.kkt, self.n, self.m, self.jac_rows.size, self.hess_rows.size)
 
+    @cached_property
+    def linear_system(self) -> Structure:
+        """The arrays of ``attached_kkt`` for functions of the core (``iteration.h``)."""
+        kkt = self.attached_kkt
+        return structure("linear_system")(
+            hess=kkt.hess, jac=kkt.jac, primal=kkt.primal, dual=kkt.dual, rhs=kkt.rhs, second_rhs=kkt.second_rhs,
+            solution=kkt.solution, second_solution=kkt.second_solution, report=kkt.report, accuracy=kkt.accuracy,
+            inertia=kkt.inertia,
+        )  # fmt: skip
+
     def evaluator(self) -> Evaluator:
         """Functions and derivatives at fixed places."""
         return _form_evaluator(self)
 
-    def watch_call(self, it: Iterate, numbers: Floats) -> Bound | None:
-        """The call that notes what the iterate is in the user's terms: the violation, and the objective where a factor
-        does not tell; None where only Python does."""
+    def watch_call(self, it: Iterate, violation: Floats, stated: Floats) -> Bound | None:
+        """The call that notes what the iterate is in the user's terms: the ``violation`` (1,), and the objective,
+        ``stated`` (1,), where a factor does not tell; None where only Python does."""
         if self.stated_limits is None:
             return None
-        return self.violation_call(it.w, it.r, numbers[VIOLATION : VIOLATION + 1])
+        return self.violation_call(it.w, it.r, violation)
 
     def violation_call(self, x: Floats, r: Floats, out: Floats) -> Bound:
         """The call that leaves in ``out`` (1,) the largest violation in the user's terms, of a form with limits."""
         assert self.stated_limits is not None
         row_places, row_limits, row_units, x_places, x_limits, x_units = self.stated_limits
-        return overstepped.bind(
+        return function("point_overstepped").bind(
             row_places.size, row_places, row_limits, row_units, r, x_places.size, x_places, x_limits, x_units, x, out
         )  # fmt: skip
 
     @cached_property
-    def jac_columns(self) -> tuple[NDArray[np.int32], ...]:
-        """The Jacobian's entries by columns: where each begins, (n + 1,); the entries, (nnz_J,); their rows."""
-        order, start = sort_by_key(self.jac_cols.astype(np.int32), self.n)
-        return start, order, self.jac_rows[order].astype(np.int32)
-
-    @cached_property
-    def jac_of_inequalities(self) -> Indices:
-        """Which of the Jacobian's entries are in rows with a slack."""
-        return np.flatnonzero(self.inequality[self.jac_rows])
-
-    @cached_property
-    def hess_diagonal(self) -> Indices:
-        """Which of the Hessian's entries are on its diagonal."""
-        return np.flatnonzero(self.hess_rows == self.hess_cols)
+    def structure(self) -> Structure:
+        """The form for functions of the core (``formulation`` in ``iteration.h``)."""
+        n = self.n
+        extra = np.zeros(n) if self.extra_diagonal is None else self.extra_diagonal
+        order, start = sort_by_key(self.jac_cols.astype(np.int32), n)
+        slacked = np.flatnonzero(self.inequality[self.jac_rows])
+        diagonal = np.flatnonzero(self.hess_rows == self.hess_cols)
+        variable, entry = self.convex
+        return structure("formulation")(
+            n=n, m=self.m, size=self.size, gaps=self.gaps, jac_entries=self.jac_rows.size,
+            hess_entries=self.hess_rows.size, slack_entries=slacked.size, diagonal_entries=diagonal.size,
+            convex_entries=entry.size, moving_entries=max(1, int(self.moving.sum())), many_gaps=self.many_gaps,
+            any_equality=self.any_equality, objective_unit=self.objective_unit, index=self.index, sign=self.sign,
+            bound=self.bound, lower=self.lower, upper=self.upper, kind=self.kind, free=self.free_factor,
+            moving=self.moving_factor, extra_diagonal=extra, jac_rows=self.jac_rows, jac_cols=self.jac_cols,
+            hess_rows=self.hess_rows, hess_cols=self.hess_cols, column_start=start, column_entry=order,
+            column_row=self.jac_rows[order].astype(np.int32), slack_entry=slacked, diagonal_entry=diagonal,
+            convex_entry=entry, convex_variable=variable,
+        )  # fmt: skip
 
     def _set_pattern(self, jac_rows: Ints, jac_cols: Ints, hess_rows: Ints, hess_cols: Ints) -> None:
         self.jac_rows = np.ascontiguousarray(jac_rows, dtype=np.int64)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from stc.records import dataclass
-from stc.solver import kernels
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import Floats
 
-__all__ = ["Errors", "Iterate", "errors_of", "evaluate", "push_inside"]
+__all__ = ["Iterate", "evaluate"]
 
 ARRAYS = ("w", "y", "z", "r", "gradient", "jac", "hess", "gap", "c", "dual")
 
@@ -53,27 +50,13 @@ class Iterate:
 
     def snapshot(self) -> Iterate:
         """A copy with arrays of its own."""
-        return replace(self, **{name: getattr(self, name).copy() for name in ARRAYS})
+        return Iterate(f=self.f, theta=self.theta, **{name: getattr(self, name).copy() for name in ARRAYS})
 
     def become(self, other: Iterate) -> None:
         """Take over every quantity of another iterate, copied."""
         self.f, self.theta = other.f, other.theta
         for name in ARRAYS:
             getattr(self, name)[:] = getattr(other, name)
-
-
-class Errors:
-    """Parts of the KKT error: infinity norms, the dual and complementarity ones over the size of the multipliers.
-
-    Attributes:
-        total: the largest of the three.
-    """
-
-    __slots__ = ("complementarity", "dual", "primal", "total")
-
-    def __init__(self, dual: float, primal: float, complementarity: float) -> None:
-        self.dual, self.primal, self.complementarity = dual, primal, complementarity
-        self.total = max(dual, primal, complementarity)
 
 
 def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
@@ -87,23 +70,3 @@ def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
     if not form.all_moving:
         dual[~form.moving] = 0.0
     return Iterate(w, y, z, f, r, form.gap(w), c, float(np.abs(c).sum()), gradient, jac, hess, dual)
-
-
-def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
-    """KKT error of the barrier problem with parameter ``mu`` (Waechter and Biegler 2006, equation 5)."""
-    z_sum = float(it.z.sum())
-    dual_scale = kernels.multiplier_scale(float(np.abs(it.y).sum()) + z_sum, form.m + form.gaps)
-    gap_scale = kernels.multiplier_scale(z_sum, form.gaps)
-    dual = it.dual - form.scatter(it.z) if form.gaps else it.dual
-    return Errors(
-        float(np.abs(dual).max(initial=0.0)) / dual_scale,
-        float(np.abs(it.c).max(initial=0.0)),
-        float(np.abs(it.gap * it.z - mu).max(initial=0.0)) / gap_scale,
-    )
-
-
-def push_inside(form: Formulation, w: Floats, push: float) -> Floats:
-    """``w`` (n + m,) moved inside its bounds by ``push``, relative to the bound's size or the bounds' distance."""
-    moved = w.copy()
-    kernels.push_inside(form.size, push, form.lower, form.upper, moved)
-    return moved

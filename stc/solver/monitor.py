@@ -7,15 +7,16 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from stc import deadline
+from stc.core.functions import function
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
-from stc.solver.progress_kernels import is_better
 from stc.solver.report import Callback, IterationRecord
 from stc.solver.status import Status
 
 __all__ = ["FROM_THE_GUESS", "Monitor", "Stopped"]
 
 FROM_THE_GUESS = "from the guess"
+_is_better = function("progress_is_better")
 
 
 class Stopped(Exception):
@@ -112,7 +113,7 @@ class Monitor:
         best: tuple[float, float, Floats, Floats] | None,
         as_stated: Callable[[], tuple[Floats, Floats]],
     ) -> None:
-        """Take over the records of several iterates (see :mod:`stc.solver.state`), of one where they are ``watched``.
+        """Take over the records of several iterates (``record`` in ``iteration.h``), of one where they are ``watched``.
 
         Args:
             last_is_open: no step has been taken from the last one yet.
@@ -163,4 +164,4 @@ class Monitor:
             return True
         best_violation, best_objective = self.best[:2]
         tolerance = self.options.feasibility_tolerance
-        return is_better(objective, violation, best_objective, best_violation, tolerance) != 0
+        return _is_better(objective, violation, best_objective, best_violation, tolerance) != 0

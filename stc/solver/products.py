@@ -21,6 +21,7 @@ __all__ = [
     "ROUNDED",
     "between",
     "inner",
+    "multiplier_scale",
     "norm",
     "symmetric_times",
     "term_sums",
@@ -86,5 +87,7 @@ def symmetric_times(rows: Indices, cols: Indices, values: Floats, v: Floats, siz
     return out
 
 
-_times = function("kernels_times")
-_symmetric_times = function("kernels_symmetric_times")
+_times = function("point_times")
+_symmetric_times = function("point_symmetric_times")
+#: What dual errors are divided by where multipliers are large, given the sum of their magnitudes.
+multiplier_scale = function("point_multiplier_scale")

@@ -12,18 +12,17 @@ from collections.abc import Callable
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver.constants import ACCURATE, LARGEST_MULTIPLIER
 from stc.solver.convexity import is_convex
 from stc.solver.elastic import ElasticProblem
 from stc.solver.filter import Filter
 from stc.solver.form_cache import once
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate, evaluate
-from stc.solver.kernels import LARGEST_MULTIPLIER
-from stc.solver.multipliers import least_squares_multipliers
 from stc.solver.nlp import Floats
 from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome
-from stc.solver.projection_kernels import ACCURATE
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.starting import least_squares_multipliers
 from stc.solver.workspace import workspace_of
 
 __all__ = ["Acceptance", "back_from", "barrier_value", "elastic_of", "elastic_start", "meet_rows", "returned"]

@@ -10,11 +10,13 @@ like squares at 0, tells its size a little way off, or by its bounds.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stc.arrays import scattered
+from stc.core.structures import Structure, structure
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats, Mask
@@ -130,6 +132,17 @@ class ScaledProblem(Formulation):
             self.held,
             self.equality,
         )
+
+    @cached_property
+    def program(self) -> Structure:
+        """Sizes, sparsity and bounds, not relaxed, for functions of the core (``active_set.h``)."""
+        (x_lower, x_upper), (row_lower, row_upper) = self.true_x, self.true_rows
+        return structure("program")(
+            n=self.n, m=self.m, jac_entries=self.jac_rows.size, hess_entries=self.hess_rows.size,
+            jac_rows=self.jac_rows, jac_cols=self.jac_cols, hess_rows=self.hess_rows, hess_cols=self.hess_cols,
+            x_lower=x_lower, x_upper=x_upper, row_lower=row_lower, row_upper=row_upper, held=self.held_factor,
+            equality=self.equality_factor,
+        )  # fmt: skip
 
     def release(self) -> None:
         """Let go of the program, so that it may keep the form."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from stc.deadline import within
 from stc.solver.active_set import fitting_multipliers
+from stc.solver.constants import CONTRACTION
 from stc.solver.convexity import is_convex
 from stc.solver.curvature import ESCAPES, SecondOrder, second_order_at
 from stc.solver.form_cache import give_back, kept_form, key_of, once
@@ -22,7 +23,6 @@ from stc.solver.outcome import ACCEPTABLE, BUDGET, SHORT_BUDGET, End, Outcome, T
 from stc.solver.pairs import pairs_of
 from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
-from stc.solver.projection_kernels import CONTRACTION
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed

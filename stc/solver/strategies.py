@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from stc.solver.active_set import PATIENCE, bends_upwards, newton_on_active_set, newton_point
+from stc.solver.constants import ACCURATE
 from stc.solver.feasible_start import feasible_first
 from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement
@@ -14,7 +15,6 @@ from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import SHORT_BUDGET, End, Outcome, Tactics
-from stc.solver.projection_kernels import ACCURATE
 from stc.solver.report import Start
 from stc.solver.scaled_problem import NEARBY, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate

@@ -27,7 +27,6 @@
  * so the sparsity, and the linear algebra, are those of the problem itself. */
 #include "../native.h"
 #include "elastic.h"
-#include "state.h"
 
 /* The calls of an attempt to factorise: what comes before, and the attempt of the problem's own system. */
 enum {
@@ -64,8 +63,8 @@ void elastic_derivatives(int64_t n, int64_t entries, const double *restrict free
     for (int64_t k = 0; k < entries; k++) jac[k] = own_jac[k];
 }
 
-void elastic_state(double unit, const double *restrict f, double *restrict s) {
-    s[STATED] = f[0] / unit;
+void elastic_state(double unit, const double *restrict f, double *restrict stated) {
+    stated[0] = f[0] / unit;
 }
 
 void elastic_eliminate(int64_t n, int64_t m, int64_t entries, const double *restrict jac,

@@ -17,7 +17,7 @@ API void elastic_derivatives(int64_t n, int64_t entries, const double *restrict 
                              double *restrict jac);
 
 /* Note the problem's own objective in the user's terms. */
-API void elastic_state(double unit, const double *restrict f, double *restrict s);
+API void elastic_state(double unit, const double *restrict f, double *restrict stated);
 
 /* Hand on a matrix without p and q, whose diagonal is inverted, (2 * m,). */
 API void elastic_eliminate(int64_t n, int64_t m, int64_t entries, const double *restrict jac,
