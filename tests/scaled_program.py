@@ -6,7 +6,7 @@ import numpy as np
 from symbolic_program import INF, SymbolicProgram
 
 from stc.solver import Options
-from stc.solver.iterate import Iterate, evaluate
+from stc.solver.iterate import Iterate
 from stc.solver.kkt import DenseKKT
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import cold_iterate
@@ -33,6 +33,15 @@ def program() -> SymbolicProgram:
 def scaled(scaling: bool = True) -> ScaledProblem:
     nlp = program()
     return ScaledProblem(nlp, nlp.x0, Options(scaling=scaling), DenseKKT)
+
+
+def evaluate(form: ScaledProblem, w: np.ndarray, y: np.ndarray, z: np.ndarray) -> Iterate:
+    """Every quantity at ``(w, y, z)``, in NumPy."""
+    f, r = form.values(w[: form.n])
+    c = form.residual(r, w)
+    gradient, jac, hess = form.derivatives(w[: form.n], y)
+    dual = np.concatenate([gradient + form.transpose_times(jac, y), -y]) * form.moving
+    return Iterate(w, y, z, f, r, form.gap(w), c, float(np.abs(c).sum()), gradient, jac, hess, dual)
 
 
 def inside(form: ScaledProblem, seed: int) -> Iterate:

@@ -21,7 +21,6 @@ from enum import Enum
 import numpy as np
 
 from stc.solver.constants import CONTRACTION, MOST_CORRECTIONS, SMALLEST_TAU
-from stc.solver.iterate import evaluate
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.outcome import SHORT_BUDGET
@@ -84,7 +83,7 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
     moved = _lower(system, dw, few=flat, beyond_errors=probe)
     if moved is None:
         return SecondOrder.FLAT if flat else SecondOrder.FAILS
-    work.load(evaluate(form, moved, it.y.copy(), it.z.copy()))
+    work.evaluate(moved, it.y, it.z)
     work.renew_calls()
     return SecondOrder.LOWER if flat else SecondOrder.LEFT
 

@@ -24,12 +24,12 @@ from stc.core.calls import CallTable, chain
 from stc.core.functions import function
 from stc.solver.evaluator import Evaluator
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate, evaluate
+from stc.solver.iterate import Iterate
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies
 from stc.solver.nlp import Floats
-from stc.solver.products import inner
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.workspace import workspace_of
 
 if TYPE_CHECKING:
     from stc.core.calls import Bound
@@ -212,20 +212,10 @@ class ElasticProblem(Formulation):
         return float(np.abs(slope).max(initial=0.0)) > tolerance * self.price
 
     def values(self, x: Floats) -> tuple[float, Floats]:
-        own, p, q = self.split(x)
-        _, r = self.base.values(own)
-        away = own - self._reference
-        cost = self.price * float(p.sum() + q.sum()) + 0.5 * inner(self._curvature, away * away)
-        return cost, r - p + q
-
-    def derivatives(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        own, _, _ = self.split(x)
-        _, jac, hess = self.base.weighted_derivatives(own, y, 0.0)
-        full = np.full(self.n, self.price)
-        full[: self.base.n] = self._curvature * (own - self._reference)
-        if self.any_held:
-            full[self.held] = 0.0
-        return full, np.concatenate([jac, self._columns]), hess
+        ev = workspace_of(self).evaluator
+        ev.x[:] = x
+        ev.values_call()
+        return float(ev.f[0]), ev.r.copy()
 
     def evaluator(self) -> Evaluator:
         base, plain, n, m = self.base, self._own_evaluator, self.base.n, self.m
@@ -274,7 +264,7 @@ class ElasticProblem(Formulation):
         return self.base.user_variables(self.split(x)[0])
 
     def start(self, w: Floats, y: Floats, z_base: Floats, mu: float) -> Iterate:
-        """An iterate at the problem's own point ``w`` (n + m,), p and q optimal for it at ``mu``.
+        """Move the workspace's iterate to the problem's own point ``w`` (n + m,), p and q optimal for it at ``mu``.
 
         Args:
             y: row multipliers to begin with, (m,).
@@ -293,4 +283,4 @@ class ElasticProblem(Formulation):
         z = mu / self.gap(full)
         own = ~((self.index >= n) & (self.index < self.n))
         z[own] = np.minimum(price, z_base)
-        return evaluate(self, full, y, z)
+        return workspace_of(self).evaluate(full, y, z)

@@ -10,7 +10,6 @@ and the Lagrangian is ``f + y.(r - s) - z.gap``.
 
 from __future__ import annotations
 
-import weakref
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
@@ -20,7 +19,7 @@ from stc.core.calls import Bound
 from stc.core.functions import function
 from stc.core.structures import Structure, structure
 from stc.solver.constants import EQUALITY, IGNORED, INEQUALITY
-from stc.solver.evaluator import Evaluator, status_of
+from stc.solver.evaluator import Evaluator
 from stc.solver.kkt.arrangement import sort_by_key
 from stc.solver.kkt.attached import attached
 from stc.solver.nlp import Floats, Ints, Mask
@@ -35,31 +34,6 @@ __all__ = ["Formulation", "summed"]
 
 #: From so many gaps on, as motions have them, each of them matters little.
 MANY_GAPS = 100
-
-
-def _form_evaluator(form: Formulation) -> Evaluator:
-    """The evaluator of a form that evaluates in Python."""
-    result = Evaluator.allocate(form.n, form.m, form.jac_rows.size, form.hess_rows.size)
-    own = weakref.ref(form)  # which keeps the evaluator
-
-    def values() -> None:
-        its = own()
-        assert its is not None
-        result.f[0], result.r[:] = its.values(result.x)
-
-    def derivatives() -> None:
-        its = own()
-        assert its is not None
-        into = result.gradient, result.jac, result.hess
-        for part, out in zip(its.derivatives(result.x, result.y), into, strict=True):
-            out[:] = part
-        result.derivatives_status[0] = status_of(*into)
-
-    result.values_call, result.derivatives_call = (
-        Bound.of_python(values, ()),
-        Bound.of_python(derivatives, ()),
-    )
-    return result
 
 
 def summed(index: Ints, values: Floats, size: int) -> Floats:
@@ -87,7 +61,7 @@ class Formulation:
         extra_diagonal: constant added to the Hessian's diagonal, (n,), or None.
         kkt: the linear algebra for this sparsity.
         stated_limits: of rows and of variables: which ones, the limits, and the factors that turn
-            ``limit - value`` into a violation in the user's terms; None where there are no such terms.
+            ``limit - value`` into a violation in the user's terms.
         workspace: see :func:`stc.solver.workspace.workspace_of`.
     """
 
@@ -100,7 +74,7 @@ class Formulation:
     quadratic_objective: bool = False
     extra_diagonal: Floats | None = None
     workspace: Workspace | None = None
-    stated_limits: tuple[Indices, Floats, Floats, Indices, Floats, Floats] | None = None
+    stated_limits: tuple[Indices, Floats, Floats, Indices, Floats, Floats]
 
     def _set_bounds(self, x_lower: Floats, x_upper: Floats, row_lower: Floats, row_upper: Floats) -> None:
         n, m = self.n, self.m
@@ -151,18 +125,15 @@ class Formulation:
 
     def evaluator(self) -> Evaluator:
         """Functions and derivatives at fixed places."""
-        return _form_evaluator(self)
+        raise NotImplementedError
 
-    def watch_call(self, it: Iterate, violation: Floats, stated: Floats) -> Bound | None:
+    def watch_call(self, it: Iterate, violation: Floats, stated: Floats) -> Bound:
         """The call that notes what the iterate is in the user's terms: the ``violation`` (1,), and the objective,
-        ``stated`` (1,), where a factor does not tell; None where only Python does."""
-        if self.stated_limits is None:
-            return None
+        ``stated`` (1,), where a factor does not tell."""
         return self.violation_call(it.w, it.r, violation)
 
     def violation_call(self, x: Floats, r: Floats, out: Floats) -> Bound:
-        """The call that leaves in ``out`` (1,) the largest violation in the user's terms, of a form with limits."""
-        assert self.stated_limits is not None
+        """The call that leaves in ``out`` (1,) the largest violation in the user's terms."""
         row_places, row_limits, row_units, x_places, x_limits, x_units = self.stated_limits
         return function("point_overstepped").bind(
             row_places.size, row_places, row_limits, row_units, r, x_places.size, x_places, x_limits, x_units, x, out
@@ -195,27 +166,17 @@ class Formulation:
         self.hess_rows = np.ascontiguousarray(hess_rows, dtype=np.int64)
         self.hess_cols = np.ascontiguousarray(hess_cols, dtype=np.int64)
 
-    # -- functions ---------------------------------------------------------------------------------------------
-
     def values(self, x: Floats) -> tuple[float, Floats]:
         """Objective and rows (m,) at ``x`` (n,)."""
-        raise TypeError(f"{type(self).__name__} does not evaluate functions")
-
-    def derivatives(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Gradient (n,), Jacobian entries and the Lagrangian's Hessian entries, all owned by the caller."""
-        raise TypeError(f"{type(self).__name__} does not evaluate functions")
+        raise NotImplementedError
 
     def user_variables(self, x: Floats) -> Floats:
-        """Variables in the user's terms, (n,), owned by the caller."""
-        raise TypeError(f"{type(self).__name__} has no user's terms")
+        """Variables in the user's terms, owned by the caller."""
+        raise NotImplementedError
 
     def user_objective(self, f: float) -> float:
         """Objective in the user's terms."""
-        raise TypeError(f"{type(self).__name__} has no user's terms")
-
-    def user_measures(self, x: Floats, f: float, r: Floats) -> tuple[float, float]:
-        """Objective and violation in the user's terms."""
-        raise TypeError(f"{type(self).__name__} has no user's terms")
+        raise NotImplementedError
 
     # -- products ----------------------------------------------------------------------------------------------
 

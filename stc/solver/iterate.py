@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from stc.records import dataclass
-from stc.solver.formulation import Formulation
 from stc.solver.nlp import Floats
 
-__all__ = ["Iterate", "evaluate"]
+__all__ = ["Iterate"]
 
 ARRAYS = ("w", "y", "z", "r", "gradient", "jac", "hess", "gap", "c", "dual")
 
@@ -57,16 +56,3 @@ class Iterate:
         self.f, self.theta = other.f, other.theta
         for name in ARRAYS:
             getattr(self, name)[:] = getattr(other, name)
-
-
-def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
-    """Every quantity at ``(w, y, z)``; check ``is_finite`` of the result where functions may be undefined."""
-    f, r = form.values(w[: form.n])
-    c = form.residual(r, w)
-    gradient, jac, hess = form.derivatives(w[: form.n], y)
-    dual = np.empty(form.size)
-    np.add(gradient, form.transpose_times(jac, y), out=dual[: form.n])
-    np.negative(y, out=dual[form.n :])
-    if not form.all_moving:
-        dual[~form.moving] = 0.0
-    return Iterate(w, y, z, f, r, form.gap(w), c, float(np.abs(c).sum()), gradient, jac, hess, dual)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.constants import CONTRACTION
-from stc.solver.iterate import evaluate
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.workspace import Workspace
 
@@ -31,7 +30,7 @@ class Nearest:
         work = self._work
         if self.error <= ACCEPTABLE:
             kept = work.nearest
-            work.load(evaluate(work.form, kept.w.copy(), kept.y.copy(), kept.z.copy()))
+            work.evaluate(kept.w, kept.y, kept.z)
 
     def outcome(self) -> Outcome:
         """The end of an iteration that got stuck, at that iterate."""

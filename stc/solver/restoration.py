@@ -18,7 +18,7 @@ from stc.solver.elastic import ElasticProblem
 from stc.solver.filter import Filter
 from stc.solver.form_cache import once
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate, evaluate
+from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
 from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome
 from stc.solver.scaled_problem import ScaledProblem
@@ -95,11 +95,13 @@ def meet_rows(
 def returned(
     form: ScaledProblem, it: Iterate, elastic: ElasticProblem, outcome: Outcome, tolerance: float
 ) -> End | None:
-    """Move ``it`` to where an elastic problem without an objective ended; why to stop there, or None."""
+    """Move ``it``, the form's workspace's, to where an elastic problem ended; why to stop there, or None."""
     assert outcome.iterate is not None
     w, z = back_from(elastic, outcome.iterate)
-    restored = evaluate(form, w, np.zeros(form.m), z)
+    work, before = workspace_of(form), it.snapshot()
+    restored = work.evaluate(w, np.zeros(form.m), z)
     if not np.isfinite(restored.theta + restored.f + restored.dual.sum()):
+        work.load(before)
         return End.STUCK
     end: End | None = None
     minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
@@ -107,9 +109,7 @@ def returned(
         violation = form.violation(w[: form.n], restored.r)
         if violation > tolerance:
             end = End.STATIONARY_VIOLATION
-    it.become(restored)
-    y = outcome.y / elastic.price if end else least_squares_multipliers(workspace_of(form))
-    it.become(evaluate(form, w, y, z))
+    work.evaluate(w, outcome.y / elastic.price if end else least_squares_multipliers(work), z)
     return end
 
 

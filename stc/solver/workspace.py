@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stc.core.calls import Bound, CallTable
+from stc.core.calls import CallTable
 from stc.core.functions import function
 from stc.core.structures import structure
 from stc.solver.constants import ATTEMPT, CALLS, DERIVATIVES, RECORD, SOLVE, SOLVE_BOTH, VALUES, WATCH
@@ -78,14 +78,6 @@ def workspace_of(form: Formulation) -> Workspace:
     return form.workspace
 
 
-def _watch(of: weakref.ref[Workspace]) -> None:
-    """Note the objective and the violation in the user's terms, of a form that tells them in Python."""
-    work = of()
-    assert work is not None
-    form, it, s = work.form, work.it, work.s
-    s.stated, s.violation = form.user_measures(it.w[: form.n], it.f, it.r)
-
-
 class Workspace:
     """One iterate, the point tried next, the steps between them, and what is done with them.
 
@@ -145,8 +137,8 @@ class Workspace:
         )  # fmt: skip
         self.calls.put(VALUES, ev.values_call)
         self.calls.put(DERIVATIVES, ev.derivatives_call)
-        watch = form.watch_call(self.it, self.s.array_of("violation"), self.s.array_of("stated"))
-        self.calls.put(WATCH, watch or Bound.of_python(_watch, (weakref.ref(self),)))
+        told = self.s.array_of("violation"), self.s.array_of("stated")
+        self.calls.put(WATCH, form.watch_call(self.it, *told))
         self.push_inside = function("point_push_inside").bind(form.structure, 0.0, self.start_w)
         (
             self.begin, self.factorize, self.find_step, self.search, self.settle, self.advance, self.iterate,

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scaled_program import dense, errors_of, inside, scaled
+from scaled_program import dense, errors_of, evaluate, inside, scaled
 from symbolic_program import INF, SymbolicProgram
 
 from stc.core.functions import function
 from stc.core.structures import structure
 from stc.solver import Options
 from stc.solver.curvature import largest_step
-from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem

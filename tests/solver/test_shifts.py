@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scaled_program import evaluate
 from symbolic_program import SymbolicProgram
 
 from stc.core.functions import function
 from stc.solver import Options, Start, minimize
-from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem

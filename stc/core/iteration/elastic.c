@@ -1,38 +1,13 @@
-/* The elastic form of a problem and its linear system, compiled (see elastic.h).
+/* The elastic form of a problem and its linear system (stc/solver/elastic.py), and programs whose complementary products
+ * are a penalty (stc/solver/penalised.py).
  *
  * Unknowns are those of the problem, (n,), then p and q, (m,) each; entries of the Jacobian those of the problem, then the
- * columns of p and q.
- *
- * A program whose complementary products are a penalty of the objective instead of rows.
- *
- *     minimise f(x) + weight * sum of a_k(x) b_k(x)    subject to the other rows, a_k >= 0 and b_k >= 0 among them
- *
- * Where the products are nothing at a solution, and the weight is finite, that is a solution of the program with the rows,
- * with the weight as the multiplier of each (the exact l1 penalty; S. Leyffer, G. Lopez-Calva and J. Nocedal, Interior
- * methods for mathematical programs with complementarity constraints, SIAM J. Optim. 17, 2006).  Unlike the rows, whose
- * gradients depend on those of the sides wherever they hold, the penalty takes no constraint qualification away.
- *
- * The elastic form of a problem: rows may be violated, at a price, and the objective is left aside.
- *
- *     minimise    price * sum(p + q) + 1/2 * |proximity * (x - reference)|^2
- *     subject to  r(x) - p + q - s = 0,    p, q >= 0,    bounds on (x, s) as before
- *
- * Its constraints always have independent gradients.  p and q are eliminated before the factorisation, where they
- * add 1 / P_p + 1 / P_q to the dual diagonal of their row, P being their entries of the primal diagonal:
- *
- *     [ H + P_x   0    J^T ] [dx]                      [ H + P_x   J^T                   ] [dx]
- *     [   0      P_pq  E^T ] [d(p, q)]       ==>       [   J      -(D + E P_pq^-1 E^T)   ] [dy]
- *     [   J       E   -D   ] [dy]
- *
- * so the sparsity, and the linear algebra, are those of the problem itself. */
+ * columns of p and q. */
 #include "../native.h"
 #include "elastic.h"
 
 /* The calls of an attempt to factorise: what comes before, and the attempt of the problem's own system. */
-enum {
-    ELASTIC_ELIMINATE = 0,
-    ELASTIC_ATTEMPT = 1,
-};
+enum { ELASTIC_ELIMINATE = 0, ELASTIC_ATTEMPT = 1 };
 
 void elastic_values(int64_t n, int64_t m, double price, const double *restrict curvature,
                     const double *restrict reference, const double *restrict own_r,

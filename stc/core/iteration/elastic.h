@@ -1,4 +1,4 @@
-/* The elastic form of a problem and its linear system, compiled (see elastic.h). */
+/* The elastic form of a problem and its linear system; see stc/solver/elastic.py and penalised.py. */
 #ifndef STC_ELASTIC_H
 #define STC_ELASTIC_H
 
