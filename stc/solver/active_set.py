@@ -32,29 +32,16 @@ from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
     "Finish",
-    "Projection",
     "bends_upwards",
     "fitting_multipliers",
     "newton_on_active_set",
     "newton_point",
-    "project",
 ]
 
 NEAR = 1e-2
 STEPS = 8
 PATIENCE = 2
 """From a neighbour: how many steps may fail to halve the error."""
-
-
-def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
-    """The projected optimality conditions at ``(x, y)``, whose arrays serve the next call; None where a function is
-    undefined.
-    """
-    if form.projection is None:
-        form.projection = Projection(form)
-    point = form.projection
-    point.x[:], point.y[:] = x, y
-    return point if point.evaluate() else None
 
 
 def newton_on_active_set(
@@ -100,17 +87,8 @@ def newton_on_active_set(
         contraction = new.error / max(error, 1e-300)
         certified = True
         monitor.count()
-        monitor.record(
-            partial(form.as_stated, new.x, new.y),
-            form.user_objective(new.f),
-            new.violation,
-            new.error,
-            pair.change,
-            1.0,
-            0.0,
-            0.0,
-            "active-set",
-        )
+        as_stated, f = partial(form.as_stated, new.x, new.y), form.user_objective(new.f)
+        monitor.record("active-set", as_stated, f, new.violation, new.error, pair.change)
         pair.swap()
     return pair.point, certified and pair.point.error <= tolerance
 
@@ -187,12 +165,12 @@ def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:
     multipliers would have to pull the wrong way, until none has to.
     """
     y = np.zeros(form.m)
-    point = project(form, x, y)
-    if point is None:
+    _, r = form.values(x)
+    gradient, jac, hess = form.derivatives(x, y)
+    if not np.isfinite(r.sum() + gradient.sum() + jac.sum() + hess.sum()):
         return y
-    gradient, jac = point.gradient.copy(), point.jac.copy()
     below_x, above_x = at_bounds(x, *form.true_x, ACCEPTABLE)
-    below, above = at_bounds(point.r, *form.true_rows, ACCEPTABLE)
+    below, above = at_bounds(r, *form.true_rows, ACCEPTABLE)
     for _ in range(CHANGES):
         free, active = ~(below_x | above_x), below | above
         balance = _balancing(form, jac, free, active)

@@ -22,8 +22,10 @@ import numpy as np
 
 from stc.core.calls import CallTable, chain
 from stc.core.functions import function
+from stc.core.structures import structure
+from stc.solver.constants import ATTEMPT, CALLS
 from stc.solver.evaluator import Evaluator
-from stc.solver.formulation import Formulation
+from stc.solver.formulation import Formulation, linear_system_of
 from stc.solver.iterate import Iterate
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies
@@ -36,9 +38,6 @@ if TYPE_CHECKING:
     from stc.solver.kkt.contract import AttachedKKT
 
 __all__ = ["ElasticKKT", "ElasticProblem"]
-
-#: The calls of an attempt to factorise: what comes before, and the attempt of the problem's own system.
-_ELIMINATE, _ATTEMPT = 0, 1
 
 
 class ElasticKKT(ByCopies):
@@ -55,24 +54,16 @@ class ElasticKKT(ByCopies):
         self.report, self.accuracy = base.report, base.accuracy
         self.inertia = np.zeros(3, dtype=np.int64)
         self._factorized = False
-        sizes, inverse = (n, m, jac_entries), np.zeros(2 * m)
-        self._eliminate = function("elastic_eliminate").bind(
-            *sizes, self.jac, self.primal, self.dual, inverse, base.jac, base.primal, base.dual
+        self._calls = CallTable(CALLS)
+        self._system = system = structure("elastic_system")(
+            n=n, m=m, jac_entries=jac_entries, calls=self._calls.cells, own=linear_system_of(base),
+            kkt=linear_system_of(self), inverse=np.zeros(2 * m), inertia=self.inertia,
+        )  # fmt: skip
+        self._eliminate, self._attempt = (
+            function(f"elastic_{name}").bind(system) for name in ("eliminate", "attempt")
         )
-        self._calls = CallTable(2)
-        self._calls.put(_ELIMINATE, self._eliminate)
-        self._attempt = function("elastic_attempt").bind(self._calls.cells, m, base.inertia, self.inertia)
-        self._begin, self._begin_second = (
-            function("elastic_hand_on").bind(*sizes, self.jac, inverse, rhs, own)
-            for rhs, own in ((self.rhs, base.rhs), (self.second_rhs, base.second_rhs))
-        )
-        self._end, self._end_second = (
-            function("elastic_complete").bind(*sizes, self.jac, inverse, rhs, own, solution)
-            for rhs, own, solution in (
-                (self.rhs, base.solution, self.solution),
-                (self.second_rhs, base.second_solution, self.second_solution),
-            )
-        )
+        self._begin, self._begin_second = (function("elastic_hand_on").bind(system, k) for k in range(2))
+        self._end, self._end_second = (function("elastic_complete").bind(system, k) for k in range(2))
         self._solve_of: Bound | None = None  # those of the base that the own ones are made of
         self._solve_both_of: Bound | None = None
 
@@ -105,7 +96,7 @@ class ElasticKKT(ByCopies):
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
         own = self._base.attempt_call if self._factorized else None
-        self._calls.put(_ATTEMPT, own)
+        self._calls.put(ATTEMPT, own)
         return None if own is None else self._attempt
 
     def resume(self, ended: int) -> Inertia:
@@ -227,26 +218,16 @@ class ElasticProblem(Formulation):
         ev.gradient[n:] = np.where(self.held, 0.0, self.price)[n:]
         ev.jac[entries:] = self._columns
         place = function("point_copy").bind(n, ev.x, plain.x)
-        away = self._curvature, self._reference
-        ev.values_call = chain(
-            [
-                place,
-                plain.values_call,
-                function("elastic_values").bind(
-                    n, m, self.price, *away, plain.r, plain.values_status, ev.x, ev.f, ev.r, ev.values_status
-                ),
-            ]
+        place_multipliers = function("point_copy").bind(m, ev.y, plain.y)
+        program = structure("elastic_program")(
+            n=n, m=m, jac_entries=entries, price=self.price, free=base.free_factor, curvature=self._curvature,
+            reference=self._reference, own=plain.structure(), at=ev.structure(),
         )  # fmt: skip
-        ev.derivatives_call = chain(
-            [
-                place,
-                function("point_copy").bind(m, ev.y, plain.y),
-                plain.derivatives_call,
-                function("elastic_derivatives").bind(
-                    n, entries, base.free_factor, *away, plain.jac, ev.x, ev.gradient, ev.jac
-                ),
-            ]
-        )  # fmt: skip
+        values, derivatives = (
+            function(f"elastic_{name}").bind(program) for name in ("values", "derivatives")
+        )
+        ev.values_call = chain([place, plain.values_call, values])
+        ev.derivatives_call = chain([place, place_multipliers, plain.derivatives_call, derivatives])
         return ev
 
     def watch_call(self, it: Iterate, violation: Floats, stated: Floats) -> Bound:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.calls import Bound
+from stc.core.structures import Structure, structure
 from stc.records import dataclass, field
 from stc.solver.nlp import NLP, Floats, Ints, Mask
 
@@ -155,6 +156,13 @@ class Evaluator:
     derivatives_status: Floats
     values_call: Bound
     derivatives_call: Bound
+
+    def structure(self) -> Structure:
+        """The arrays for functions of the core (``evaluation`` in ``iteration.h``)."""
+        return structure("evaluation")(
+            x=self.x, y=self.y, f=self.f, r=self.r, gradient=self.gradient, jac=self.jac, hess=self.hess,
+            values_status=self.values_status, derivatives_status=self.derivatives_status,
+        )  # fmt: skip
 
     @classmethod
     def allocate(cls, n: int, m: int, jac_entries: int, hess_entries: int) -> Evaluator:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from stc.solver.kkt.contract import AttachedKKT, KKTSystem
     from stc.solver.workspace import Workspace
 
-__all__ = ["Formulation", "summed"]
+__all__ = ["Formulation", "linear_system_of", "summed"]
 
 #: From so many gaps on, as motions have them, each of them matters little.
 MANY_GAPS = 100
@@ -39,6 +39,15 @@ MANY_GAPS = 100
 def summed(index: Ints, values: Floats, size: int) -> Floats:
     """Entry k is the sum of the values whose index is k, (size,)."""
     return cast("Floats", np.bincount(index, weights=values, minlength=size))
+
+
+def linear_system_of(kkt: AttachedKKT) -> Structure:
+    """The arrays of a system for functions of the core (``linear_system`` in ``iteration.h``)."""
+    return structure("linear_system")(
+        hess=kkt.hess, jac=kkt.jac, primal=kkt.primal, dual=kkt.dual, rhs=kkt.rhs, second_rhs=kkt.second_rhs,
+        solution=kkt.solution, second_solution=kkt.second_solution, report=kkt.report, accuracy=kkt.accuracy,
+        inertia=kkt.inertia,
+    )  # fmt: skip
 
 
 class Formulation:
@@ -99,7 +108,6 @@ class Formulation:
         self.any_inequality = bool(self.inequality.any())
         self.any_ignored = bool(self.ignored.any())
         self.moving = np.concatenate([self.free, self.inequality])  # entries of w that the iteration changes
-        self.all_moving = bool(self.moving.all())
         self.size = n + m
         # The same for compiled passes.
         self.free_factor, self.moving_factor = self.free.astype(float), self.moving.astype(float)
@@ -115,13 +123,8 @@ class Formulation:
 
     @cached_property
     def linear_system(self) -> Structure:
-        """The arrays of ``attached_kkt`` for functions of the core (``iteration.h``)."""
-        kkt = self.attached_kkt
-        return structure("linear_system")(
-            hess=kkt.hess, jac=kkt.jac, primal=kkt.primal, dual=kkt.dual, rhs=kkt.rhs, second_rhs=kkt.second_rhs,
-            solution=kkt.solution, second_solution=kkt.second_solution, report=kkt.report, accuracy=kkt.accuracy,
-            inertia=kkt.inertia,
-        )  # fmt: skip
+        """The arrays of ``attached_kkt`` for functions of the core."""
+        return linear_system_of(self.attached_kkt)
 
     def evaluator(self) -> Evaluator:
         """Functions and derivatives at fixed places."""

@@ -38,7 +38,7 @@ from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome, Tactics
-from stc.solver.progress import Drift, Nearest, forget_steps
+from stc.solver.progress import Nearest, forget_steps
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.unboundedness import LOW, TOO_FAR, is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
@@ -100,7 +100,7 @@ class _Loop:
         self.tactics, self.stop = tactics, stop
         self.system = NewtonSystem(self.work)
         self.finish = Finish(form, options.tolerance, monitor)
-        self.drift = Drift(self.work)
+        self.s.objective_now, self.s.dual_now = np.nan, np.inf
         self.last = monitor.iterations + tactics.budget
         self.escapes = self.restorations = 0
         self.early = False
@@ -223,11 +223,11 @@ class _Loop:
         if is_unbounded(form, it, self.s.farthest):
             return self._outcome(End.UNBOUNDED)
         if not self.error < LARGEST_ERROR or self.s.farthest > TOO_FAR:
-            falling = self.drift.falling and it.f < 0.0
+            falling = self.s.falling and it.f < 0.0
             far = self.s.farthest > TOO_FAR or it.f < LOW
             feasible = self.s.primal <= ACCEPTABLE
             return self._outcome(End.UNBOUNDED) if far and feasible and falling else self._give_up()
-        if self.finish.is_due(self.error) and not self.drift.falling:
+        if self.finish.is_due(self.error) and not self.s.falling:
             done = self.finish.attempt(it, self.error)
             if done is not None:
                 assert isinstance(form, ScaledProblem)
@@ -237,7 +237,7 @@ class _Loop:
         return None
 
     def _converged(self) -> bool:
-        return self.error <= self.options.tolerance and not self._open() and not self.drift.falling
+        return self.error <= self.options.tolerance and not self._open() and not self.s.falling
 
     def _open(self) -> bool:
         """Whether products of gaps and multipliers may still hide an error of the objective."""

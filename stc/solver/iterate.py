@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from stc.records import dataclass
 from stc.solver.nlp import Floats
 
@@ -40,12 +38,6 @@ class Iterate:
     jac: Floats
     hess: Floats
     dual: Floats
-
-    @property
-    def is_finite(self) -> bool:
-        """Whether functions and derivatives are defined here."""
-        total = self.f + self.theta + self.dual.sum() + self.jac.sum() + self.hess.sum()
-        return bool(np.isfinite(total))
 
     def snapshot(self) -> Iterate:
         """A copy with arrays of its own."""

@@ -15,8 +15,6 @@ from stc.solver.scaled_problem import ORDINARY, ScaledProblem
 
 __all__ = ["Judgement", "Point"]
 
-"""Of an error that leaves too much to gain: it falls less evenly than that, and not below rounding errors."""
-
 
 @dataclass(frozen=True, slots=True)
 class Point:

@@ -54,37 +54,21 @@ class Monitor:
 
     def record(
         self,
+        phase: str,
         as_stated: Callable[[], tuple[Floats, Floats]],
         objective: float,
         violation: float,
         optimality: float,
-        step: float,
-        step_length: float,
-        mu: float,
-        regularization: float,
-        phase: str,
+        step: float = 0.0,
+        step_length: float = 1.0,
+        mu: float = 0.0,
+        regularization: float = 0.0,
     ) -> None:
-        """Log a point in the user's terms.
-
-        Args:
-            as_stated: gives its variables and row multipliers, arrays that nobody changes later; no multipliers where
-                they are not those of the problem.
-
-        Raises:
-            Stopped: at a limit, or when the callback returns True.
-        """
-        entry = IterationRecord(
-            self.iterations, objective, violation, optimality, step, step_length, mu, regularization, phase
-        )
-        self.history.append(entry)
+        """Log a point in the user's terms; see :meth:`take`, and :class:`IterationRecord` for the numbers."""
         better = self._is_better(objective, violation)
-        if better or self._callback is not None:
-            x, y = as_stated()
-            if better:
-                self.best = (violation, objective, x, y)
-            if self._callback is not None and self._callback(replace(entry, x=x)):
-                raise Stopped(Status.INTERRUPTED)
-        self.check()
+        best = (violation, objective, *as_stated()) if better else None
+        row = [objective, violation, optimality, step, step_length, mu, regularization]
+        self.take([row], phase, True, best, as_stated)
 
     @property
     def watched(self) -> bool:
@@ -118,7 +102,8 @@ class Monitor:
         Args:
             last_is_open: no step has been taken from the last one yet.
             best: the best point, if it is among them.
-            as_stated: gives variables and row multipliers of the last iterate, in the user's terms.
+            as_stated: gives variables and row multipliers of the last iterate, in the user's terms, arrays that nobody
+                changes later; no multipliers where they are not those of the problem.
 
         Raises:
             Stopped: at a limit, or when the callback returns True.

@@ -1,14 +1,13 @@
-"""Watches a sequence of iterates: which was best, whether it stalls, whether it drifts away."""
+"""Watches a sequence of iterates: which was best, and whether it stalls."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.constants import CONTRACTION
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.workspace import Workspace
 
-__all__ = ["Drift", "Nearest", "forget_steps"]
+__all__ = ["Nearest", "forget_steps"]
 
 
 class Nearest:
@@ -45,24 +44,3 @@ def forget_steps(work: Workspace) -> None:
     s = work.s
     s.tiny_steps = s.small_steps = s.short_steps = s.stalled = 0
     s.theta_before = np.inf
-
-
-class Drift:
-    """Tells slow descent along a valley that goes on for ever from convergence.
-
-    Where the gradient fades as the variables grow, the error falls below any tolerance while every step still
-    lowers the objective as much as the one before.
-    """
-
-    def __init__(self, work: Workspace) -> None:
-        self._s = s = work.s
-        s.objective_before = s.objective_now = np.nan
-        s.dual_before = s.dual_now = np.inf
-
-    @property
-    def falling(self) -> bool:
-        """True when the last step reduced the dual error little and the objective much."""
-        s = self._s
-        slow = s.dual_now > CONTRACTION * s.dual_before
-        fall = s.objective_before - s.objective_now
-        return bool(slow and fall > ACCEPTABLE * max(1.0, abs(s.objective_now)))

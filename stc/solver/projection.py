@@ -36,14 +36,8 @@ class Projection:
     def __init__(self, form: ScaledProblem) -> None:
         n, m = form.n, form.m
         self._evaluator = ev = form.evaluator()
-        self.x, self.y, self.r, self.gradient, self.jac, self.hess = (
-            ev.x,
-            ev.y,
-            ev.r,
-            ev.gradient,
-            ev.jac,
-            ev.hess,
-        )
+        self.x, self.y, self.r = ev.x, ev.y, ev.r
+        self.gradient, self.jac, self.hess = ev.gradient, ev.jac, ev.hess
         self.lagrangian, self.active_x, self.x_target = (np.zeros(n) for _ in range(3))
         self.active_rows, self.row_target = np.zeros(m), np.zeros(m)
         self.calls = CallTable(CALLS)

@@ -26,7 +26,7 @@ from stc.solver.products import ROUNDED, Indices
 if TYPE_CHECKING:
     from stc.solver.elastic import ElasticProblem
     from stc.solver.kkt.contract import KKTSystem
-    from stc.solver.projection import Projection, ProjectionPair
+    from stc.solver.projection import ProjectionPair
 
 __all__ = ["ScaledProblem", "relative_violation"]
 
@@ -72,7 +72,6 @@ class ScaledProblem(Formulation):
     """``objective_scale * f(D x)`` with rows ``row_scale * r(D x)``; ``x_scale`` is the diagonal of D."""
 
     projections: ProjectionPair | None = None  # of Newton's method on active sets, one at a time
-    projection: Projection | None = None  # of any point, one at a time
     elastic: ElasticProblem | None = None  # for restoration, one at a time
 
     def __init__(

@@ -234,8 +234,8 @@ class _Solve:
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         stated = point.x, point.y
         self.monitor.record(
-            lambda: stated, judged.objective, judged.violation, judged.optimality, 0.0, 0.0, 0.0, 0.0, "barrier"
-        )  # fmt: skip
+            "barrier", lambda: stated, judged.objective, judged.violation, judged.optimality, step_length=0.0
+        )
         return self._best(Status.ITERATION_LIMIT)
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:

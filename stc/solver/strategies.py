@@ -85,10 +85,10 @@ class Strategies:
             if outcome.error <= ACCURATE * self.options.tolerance:
                 step = float(np.abs(outcome.x - x).max(initial=0.0))
                 self.monitor.count()
+                errors = judged.violation, judged.optimality
                 self.monitor.record(
-                    lambda: (stated.x, stated.y), judged.objective, judged.violation, judged.optimality, step, 1.0,
-                    0.0, 0.0, "active-set",
-                )  # fmt: skip
+                    "active-set", lambda: (stated.x, stated.y), judged.objective, *errors, step
+                )
                 return outcome
         return self._by_newton(form, x, y)
 
@@ -120,18 +120,13 @@ class Strategies:
 
     def perturbed(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome:
         """Start a little off, with patience."""
-        moved = self._perturbed(form, x0, NEARBY)
+        noise = np.random.default_rng(self.options.seed).uniform(-1.0, 1.0, x0.size)
+        moved = x0 + NEARBY * noise * np.maximum(np.abs(x0), form.x_scale)
+        moved = np.clip(moved, self.nlp.x_lower, self.nlp.x_upper)
+        f, r = self.nlp.values(moved)
         tactics = Tactics(budget=self.options.max_iterations)
-        return self.barrier(form, moved, tactics)
+        return self.barrier(form, moved if np.isfinite(f + r.sum()) else x0, tactics)
 
     def from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
         """Start at a feasible point ``x`` (n,), and do not leave the rows far behind."""
         return self.barrier(form, x, Tactics(largest_theta=NEARBY))
-
-    def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
-        """A start near ``x0``, moved at random by a fraction of each variable's size."""
-        noise = np.random.default_rng(self.options.seed).uniform(-1.0, 1.0, x0.size)
-        moved = x0 + by * noise * np.maximum(np.abs(x0), form.x_scale)
-        moved = np.clip(moved, self.nlp.x_lower, self.nlp.x_upper)
-        f, r = self.nlp.values(moved)
-        return moved if np.isfinite(f + r.sum()) else x0

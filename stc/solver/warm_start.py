@@ -57,9 +57,7 @@ def from_neighbour(
         monitor.count()
         f_user, violation = form.user_measures(new.x, new.f, new.r)
         step = float(np.abs(new.x - point.x).max(initial=0.0))
-        monitor.record(
-            partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step, 1.0, 0.0, 0.0, "warm"
-        )
+        monitor.record("warm", partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step)
         if new.error <= tolerance:
             return new, program.regularity <= AGAINST_DEPENDENT_ROWS
         if new.error > HALF * smallest:

@@ -111,21 +111,13 @@ class Workspace:
         self.step, self.affine, self.centring, self.correction, self.spare = (Step(form) for _ in range(5))
         self.filter, self.accepted = Filter(np.inf), Filter(np.inf)
         self.best, self.records = (zeros(n), zeros(m)), zeros((LONGEST_RUN, RECORD))
-        self.residual, self.sigma, self.dual_diagonal, self.shifts = (
-            zeros(size),
-            zeros(size),
-            zeros(m),
-            zeros(n),
-        )
-        self.start_w, self.centre = zeros(size), zeros(gaps)
+        self.residual, self.sigma, self.start_w = zeros(size), zeros(size), zeros(size)
+        self.dual_diagonal, self.shifts, self.centre = zeros(m), zeros(n), zeros(gaps)
         self.calls = CallTable(CALLS)
         self.s = structure("iteration")(
             calls=self.calls.cells,
             form=form.structure,
-            at=structure("evaluation")(
-                x=ev.x, y=ev.y, f=ev.f, r=ev.r, gradient=ev.gradient, jac=ev.jac, hess=ev.hess,
-                derivatives_status=ev.derivatives_status,
-            ),
+            at=ev.structure(),
             kkt=form.linear_system,
             now=self.it.structure, trial=self.trial.structure, nearest=self.nearest.structure,
             step=self.step.structure, affine=self.affine.structure, centring=self.centring.structure,

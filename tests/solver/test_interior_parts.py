@@ -11,13 +11,13 @@ from symbolic_program import INF, SymbolicProgram
 
 from stc.core.calls import Bound
 from stc.solver import Options
-from stc.solver.active_set import project
 from stc.solver.curvature import largest_step
 from stc.solver.elastic import ElasticKKT, ElasticProblem
 from stc.solver.filter import Filter
 from stc.solver.kkt import DenseKKT, structured_kkt
 from stc.solver.kkt.contract import Inertia
 from stc.solver.newton_system import NewtonSystem
+from stc.solver.projection import Projection
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, relative_violation
 from stc.solver.starting import cold_iterate, warm_iterate
@@ -306,8 +306,9 @@ def test_the_projection_finds_the_active_set() -> None:
         upper=1.0,
     )
     form = ScaledProblem(nlp, nlp.x0, Options(scaling=False), DenseKKT)
-    point = project(form, np.array([1.0, 0.0]), np.zeros(1))
-    assert point is not None
+    point = Projection(form)
+    point.x[:], point.y[:] = [1.0, 0.0], [0.0]
+    assert point.evaluate()
     assert point.active_x.tolist() == [True, True]
     assert point.active_rows.tolist() == [False]
     assert point.error == 0.0

@@ -50,16 +50,14 @@ typedef API_STRUCT {
 
 /* Where functions are evaluated: the calls VALUES and DERIVATIVES read x and y and write the others. */
 typedef API_STRUCT {
-    double *x, *y;
-    const double *f, *r, *gradient, *jac;
-    double *hess;
-    const double *derivatives_status;   /* 0 where all derivatives are finite, (1) */
+    double *x, *y, *f, *r, *gradient, *jac, *hess;
+    double *values_status, *derivatives_status; /* 0 where all are finite, (1) */
 } evaluation;
 
 /* The arrays of a KKT system: see AttachedKKT in stc/solver/kkt/contract.py. */
 typedef API_STRUCT {
-    double *hess, *jac, *primal, *dual, *rhs, *second_rhs;
-    const double *solution, *second_solution, *report;
+    double *hess, *jac, *primal, *dual, *rhs, *second_rhs, *solution, *second_solution;
+    const double *report;
     double *accuracy;
     const int64_t *inertia;
 } linear_system;
@@ -152,7 +150,8 @@ typedef API_STRUCT {
     int64_t stuck;                      /* 1 when the step was tiny, or was refused */
 
     /* What is watched and recorded. */
-    double objective_before, objective_now, dual_before, dual_now;
+    double objective_now, dual_now;     /* of the iterate measured last */
+    int64_t falling;                    /* 1 when the last step reduced the dual error little and the objective much */
     double nearest_error, attention;    /* the error at which more is to be looked at */
     int64_t waiting, tiny_steps, small_steps, short_steps;
     int64_t waited, stalled;            /* 1: the best error is acceptable, but not improved; nothing moves any more */

@@ -6,6 +6,7 @@
 #define PROGRESS 0.9 /* an error below this share of the smallest so far is progress */
 enum { ITS_PATIENCE = 15, MOST_TINY_STEPS = 2, MOST_SHORT_STEPS = 5 };
 #define SHORT 0.01
+#define CONTRACTION 0.1
 #define LARGEST_ERROR 1e+50
 #define FAR 10000000.0
 /* An objective below any sensible value. */
@@ -18,9 +19,11 @@ int64_t progress_measure(iteration *it) {
     point_measure(it, 0.0);
     it->stated = now->f / form->objective_unit;
     invoke(it->calls, WATCH);
-    it->objective_before = it->objective_now;
+    /* Where the gradient fades as variables grow, along a valley that goes on for ever, the error falls below any
+     * tolerance while every step still lowers the objective as much as the one before: that is no convergence. */
+    double fall = it->objective_now - now->f;
+    it->falling = it->dual_error > CONTRACTION * it->dual_now && fall > ACCEPTABLE * dmax(1.0, fabs(now->f));
     it->objective_now = now->f;
-    it->dual_before = it->dual_now;
     it->dual_now = it->dual_error;
     if (it->error < PROGRESS * it->nearest_error)
         it->waiting = 0;
