@@ -31,12 +31,8 @@ from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
-    "Finish",
-    "bends_upwards",
-    "fitting_multipliers",
-    "newton_on_active_set",
-    "newton_point",
-]
+    "Finish", "bends_upwards", "fitting_multipliers", "newton_on_active_set", "newton_point",
+]  # fmt: skip
 
 NEAR = 1e-2
 STEPS = 8

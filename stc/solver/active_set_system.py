@@ -15,11 +15,8 @@ from stc.solver.kkt.contract import AttachedKKT, NotFinite
 from stc.solver.products import NOTHING
 
 __all__ = [
-    "AGAINST_DEPENDENT_ROWS",
-    "CHANGES",
-    "REFINEMENTS",
-    "factorize_restricted",
-]
+    "AGAINST_DEPENDENT_ROWS", "CHANGES", "REFINEMENTS", "factorize_restricted",
+]  # fmt: skip
 
 CHANGES = 12
 """How many active sets are tried, one after the other."""

@@ -159,6 +159,7 @@ class ElasticProblem(Formulation):
             row_lower,
             row_upper,
         )
+        self.own_gaps = (self.index < n) | (self.index >= self.n)  # those of the problem itself
         rows = np.arange(m)
         self._set_pattern(
             np.concatenate([base.jac_rows, rows, rows]),
@@ -262,6 +263,5 @@ class ElasticProblem(Formulation):
         p[base.ignored] = q[base.ignored] = 0.0
         full = np.concatenate([w[:n], p, q, w[n:]])
         z = mu / self.gap(full)
-        own = ~((self.index >= n) & (self.index < self.n))
-        z[own] = np.minimum(price, z_base)
+        z[self.own_gaps] = np.minimum(price, z_base)
         return workspace_of(self).evaluate(full, y, z)

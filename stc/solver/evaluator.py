@@ -21,16 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 __all__ = [
-    "Evaluable",
-    "Evaluator",
-    "Part",
-    "PartlyEvaluable",
-    "Scaling",
-    "Stated",
-    "evaluator_of",
-    "python_evaluator",
+    "Evaluable", "Evaluator", "Part", "PartlyEvaluable", "Scaling", "Stated", "evaluator_of", "python_evaluator",
     "status_of",
-]
+]  # fmt: skip
 
 Places = NDArray[np.int32]
 
@@ -167,25 +160,12 @@ class Evaluator:
     @classmethod
     def allocate(cls, n: int, m: int, jac_entries: int, hess_entries: int) -> Evaluator:
         """The arrays, zero; the calls do nothing yet."""
-        nothing = Bound.of_python(_nothing, ())
+        nothing, zeros = Bound.of_python(lambda: None, ()), np.zeros
         return cls(
-            x=np.zeros(n),
-            y=np.zeros(m),
-            weight=np.ones(1),
-            f=np.zeros(1),
-            r=np.zeros(m),
-            values_status=np.zeros(1),
-            gradient=np.zeros(n),
-            jac=np.zeros(jac_entries),
-            hess=np.zeros(hess_entries),
-            derivatives_status=np.zeros(1),
-            values_call=nothing,
-            derivatives_call=nothing,
-        )
-
-
-def _nothing() -> None:
-    pass
+            x=zeros(n), y=zeros(m), weight=np.ones(1), f=zeros(1), r=zeros(m), values_status=zeros(1),
+            gradient=zeros(n), jac=zeros(jac_entries), hess=zeros(hess_entries), derivatives_status=zeros(1),
+            values_call=nothing, derivatives_call=nothing,
+        )  # fmt: skip
 
 
 @runtime_checkable

@@ -76,25 +76,17 @@ def optimise(
     Raises:
         Stopped: at a limit or on the user's request.
     """
-    return _Loop(form, it, mu, options, monitor, tactics, stop).run()
+    return _Loop(form, options, monitor, tactics, stop).run(it, mu)
 
 
 class _Loop:
     """The iteration and its state."""
 
     def __init__(
-        self,
-        form: Formulation,
-        it: Iterate,
-        mu: float,
-        options: Options,
-        monitor: Monitor,
-        tactics: Tactics,
-        stop: Condition | None,
+        self, form: Formulation, options: Options, monitor: Monitor, tactics: Tactics, stop: Condition | None
     ) -> None:
         self.form, self.options, self.monitor = form, options, monitor
         self.work = workspace_of(form)
-        self.work.load(it)
         self.it, self.s = self.work.it, self.work.s
         self.work.calls.forget()
         self.tactics, self.stop = tactics, stop
@@ -104,7 +96,6 @@ class _Loop:
         self.last = monitor.iterations + tactics.budget
         self.escapes = self.restorations = 0
         self.early = False
-        self.adaptive = tactics.adaptive
         self.error = np.inf
         self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
         restores = not isinstance(form, ScaledProblem)
@@ -112,14 +103,13 @@ class _Loop:
         self.s.lengthens = not restores
         self.s.length_taken = self.s.step_taken = 0.0
         self.s.doubt = DOUBTFUL
-        self._begin(mu)
 
     def _begin(self, mu: float) -> None:
         """Forget how the current iterate was reached."""
         form, work, s = self.form, self.work, self.s
         smallest = self.options.tolerance / 11.0 / max(1.0, form.gaps / MANY_GAPS)
         s.mu, s.smallest_mu, s.largest_mu = mu if form.gaps else 0.0, smallest, np.inf
-        s.adaptive, s.free = self.adaptive, self.adaptive and form.gaps > 0
+        s.adaptive, s.free = self.tactics.adaptive, self.tactics.adaptive and form.gaps > 0
         s.tau, s.changed = SMALLEST_TAU, 0
         work.accepted.restart(np.inf)
         scale = max(1.0, work.it.theta)
@@ -136,8 +126,10 @@ class _Loop:
         tolerance = self.options.tolerance
         return max(tolerance, self.finish.threshold) if isinstance(self.form, ScaledProblem) else tolerance
 
-    def run(self) -> Outcome:
+    def run(self, it: Iterate, mu: float) -> Outcome:
         work, monitor = self.work, self.monitor
+        work.load(it)
+        self._begin(mu)
         while True:
             ended = self._repeat()
             if ended == LOOK:
@@ -196,13 +188,10 @@ class _Loop:
 
     def _take_records(self, last_is_open: bool) -> None:
         work, s = self.work, self.s
-        count = s.made
-        if count == 0:
+        if s.made == 0:
             return
-        best = None
-        if s.best_new:
-            best = (s.best_violation, s.best_objective, *self._stated(*work.best))
-        rows = work.records[:count].tolist()
+        best = (s.best_violation, s.best_objective, *self._stated(*work.best)) if s.best_new else None
+        rows = work.records[: s.made].tolist()
         self.monitor.take(rows, self.phase, last_is_open, best, self._as_stated)
 
     def _stated(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -237,21 +226,15 @@ class _Loop:
         return None
 
     def _converged(self) -> bool:
-        return self.error <= self.options.tolerance and not self._open() and not self.s.falling
-
-    def _open(self) -> bool:
-        """Whether products of gaps and multipliers may still hide an error of the objective."""
-        return self.s.products > self._negligible()
-
-    def _negligible(self) -> float:
-        return ACCURATE * ACCEPTABLE * max(1.0, abs(self.it.f))
+        # Products of gaps and multipliers may still hide an error of the objective.
+        negligible = ACCURATE * ACCEPTABLE * max(1.0, abs(self.it.f))
+        small = self.error <= self.options.tolerance and not self.s.products > negligible
+        return small and not self.s.falling
 
     def _stalled(self) -> bool:
-        return bool(self.s.stalled or self.s.waited) or self._is_over()
-
-    def _is_over(self) -> bool:
-        """Whether the attempt has used up its steps."""
-        self.early = self.monitor.iterations >= self.last
+        if self.s.stalled or self.s.waited:
+            return True
+        self.early = self.monitor.iterations >= self.last  # the attempt has used up its steps
         return self.early
 
     def _outcome(self, end: End) -> Outcome:

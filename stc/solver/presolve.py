@@ -114,19 +114,16 @@ class Reduced:
 
     def start(self, start: Start) -> Start:
         """A start of the whole program, as it concerns this one."""
-        part, another = self.known.part, start.another
-        y, z = start.row_multipliers, start.bound_multipliers
+        return start.mapped(self._part_of)
 
-        def other(left: int) -> tuple[Start | None, int]:
-            found, spent = another(left) if another is not None else (None, 0)
-            return None if found is None else self.start(found), spent
-
-        return Start(
-            np.asarray(start.x, float)[part.cols],
-            None if y is None else y[part.rows],
-            None if z is None else z[part.cols],
-            None if another is None else other,
+    def _part_of(self, start: Start) -> Start:
+        part, x, y, z = (
+            self.known.part,
+            np.asarray(start.x, float),
+            start.row_multipliers,
+            start.bound_multipliers,
         )
+        return Start(x[part.cols], y if y is None else y[part.rows], z if z is None else z[part.cols])
 
     def callback(self, callback: Callback | None) -> Callback | None:
         """One for this program that tells ``callback`` of the whole one."""

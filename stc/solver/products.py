@@ -15,18 +15,9 @@ from stc.solver.nlp import Floats, Ints, Mask
 Indices = NDArray[np.int64]
 
 __all__ = [
-    "EPSILON",
-    "NOTHING",
-    "ROUGHLY",
-    "ROUNDED",
-    "between",
-    "inner",
-    "multiplier_scale",
-    "norm",
-    "symmetric_times",
-    "term_sums",
-    "times",
-]
+    "EPSILON", "NOTHING", "ROUGHLY", "ROUNDED", "between", "inner", "multiplier_scale", "norm", "symmetric_times",
+    "term_sums", "times",
+]  # fmt: skip
 
 EPSILON = 2.0**-52
 ROUNDED = 16.0 * EPSILON

@@ -18,14 +18,8 @@ from stc.solver.products import ROUNDED, multiplier_scale, term_sums
 from stc.solver.scaled_problem import relative_violation
 
 __all__ = [
-    "Assessment",
-    "Judge",
-    "assess",
-    "holds",
-    "is_met_but_for_rounding",
-    "rows_missed",
-    "signed_violations",
-]
+    "Assessment", "Judge", "assess", "holds", "is_met_but_for_rounding", "rows_missed", "signed_violations",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

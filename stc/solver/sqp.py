@@ -26,7 +26,7 @@ from stc.solver.products import between, inner
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
-from stc.solver.scaled_problem import ScaledProblem, relative_violation
+from stc.solver.scaled_problem import NEARBY, ScaledProblem, relative_violation
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
@@ -217,9 +217,9 @@ class _Solve:
         return suitable[: self.options.retries]
 
     def _from_feasible(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
-        """From the best feasible point that was seen, if there is one."""
+        """From the best feasible point that was seen, if there is one, without leaving the rows far behind."""
         best = self._feasible()
-        return None if best is None else self.attempts.from_feasible(form, best)
+        return None if best is None else self.attempts.barrier(form, best, Tactics(largest_theta=NEARBY))
 
     def _unmoved(self, form: ScaledProblem, x0: Floats) -> Result:
         """The start, where no step is allowed from it; whether it is a solution is still to be told."""
@@ -436,17 +436,7 @@ class _Solve:
             lowest = None if nearly else falling_to(self.monitor.history)
             text += "" if lowest is None else f" {STILL_FALLING.format(lowest)}"
         return Result(
-            status,
-            x,
-            y,
-            report.bound_multipliers,
-            report.objective,
-            report.violation,
-            report.optimality,
-            last,
-            self.monitor.iterations,
-            self.form.kkt.factorizations if self.form is not None else 0,
-            text,
-            self.monitor.history,
-            self.monitor.strategy,
-        )
+            status, x, y, report.bound_multipliers, report.objective, report.violation, report.optimality, last,
+            self.monitor.iterations, 0 if self.form is None else self.form.kkt.factorizations, text,
+            self.monitor.history, self.monitor.strategy,
+        )  # fmt: skip
