@@ -74,8 +74,7 @@ FLAGS = [
 #: loops, where they are contracted to multiply-adds.
 CONTRACTED = {
     "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions", "elastic",
-    "gather", "kernels", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "segmented_parts",
-    "segmented_passes", "step", "values", "window",
+    "gather", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "points", "segmented_parts", "segmented_passes", "step", "values", "window",
 }  # fmt: skip
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));
@@ -138,6 +137,7 @@ _KINDS = {
     "int64_t *": ("L", "p"),
 }  # fmt: skip
 _RESULTS = {"void": "v", "int64_t": "i", "double": "d"}
+_STRUCTS = re.compile(r"^typedef API_STRUCT \{(.*?)^\} (\w+);", re.MULTILINE | re.DOTALL)
 _DECLARED = re.compile(r"^API (void|int64_t|double) (\w+)\(([^)]*)\);", re.MULTILINE)
 _PARAMETER = re.compile(r"(?:const )?(\w+ \*?)(?:restrict )?(\w+)")
 
@@ -148,14 +148,19 @@ def entries_text() -> str:
     Functions that are called otherwise (from ``kkt.h``) have parameters of other types, and get none.
     """
     parts = ["/* Written when the library is compiled: see compiling.py. */\n", '#include "native.h"\n']
-    for header in sorted(FOLDER.rglob("*.h")):
-        found = _DECLARED.findall(header.read_text(encoding="utf-8"))
+    headers = {header: header.read_text(encoding="utf-8") for header in sorted(FOLDER.rglob("*.h"))}
+    structs = {name: body for text in headers.values() for body, name in _STRUCTS.findall(text)}
+    kinds = _KINDS | {f"{name} *": ("S", "p") for name in structs}
+    for name, body in structs.items():
+        parts.append(f'API const char {name}_fields[] = "{_fields_text(body, kinds)}";\n')
+    for header, text in headers.items():
+        found = _DECLARED.findall(text)
         made = []
         for result, name, listed in found:
             arguments, signature = [], []
-            for k, text in enumerate(filter(None, (part.strip() for part in listed.split(",")))):
-                match = _PARAMETER.fullmatch(" ".join(text.split()))
-                kind = _KINDS.get(match[1].strip()) if match else None
+            for k, one in enumerate(filter(None, (part.strip() for part in listed.split(",")))):
+                match = _PARAMETER.fullmatch(" ".join(one.split()))
+                kind = kinds.get(match[1].strip()) if match else None
                 if match is None or kind is None:
                     break
                 signature.append(f"{match[2]} {kind[0]}")
@@ -170,6 +175,17 @@ def entries_text() -> str:
         if made:
             parts += [f'#include "{header.relative_to(FOLDER).as_posix()}"\n', *made]
     return "".join(parts)
+
+
+def _fields_text(body: str, kinds: dict[str, tuple[str, str]]) -> str:
+    """The fields of a structure and their kinds, for ``stc.core.structures``."""
+    fields = []
+    for declaration in re.sub(r"/\*.*?\*/", "", body, flags=re.DOTALL).split(";")[:-1]:
+        base, names = declaration.replace("const ", "").split(maxsplit=1)
+        for name in names.split(","):
+            pointer = " *" if "*" in name else ""
+            fields.append(f"{name.strip(' *')} {kinds[base + pointer][0]}")
+    return ",".join(fields)
 
 
 def own_compiler() -> list[str] | None:
