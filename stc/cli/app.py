@@ -35,6 +35,7 @@ from stc.cli.parameters import (
     Spec,
     SpecOrSolution,
     Starts,
+    StartWorkers,
     Table,
     Threads,
     TimeLimit,
@@ -95,6 +96,7 @@ def solve(
     walk: Continue = None,
     starts: Starts = None,
     seed: Seed = None,
+    workers: StartWorkers = None,
     refine: Refine = None,
     output: Output = None,
     explain: Explain = False,
@@ -122,6 +124,7 @@ def solve(
         profile=profile,
         direct=direct,
         threads=threads,
+        workers=workers,
     )
     return jobs.solve(spec, options, as_json=json)
 
@@ -140,6 +143,7 @@ def run(
     walk: Continue = None,
     starts: Starts = None,
     seed: Seed = None,
+    workers: StartWorkers = None,
     refine: Refine = None,
     until: UntilVerified = None,
     direct: Direct = False,
@@ -168,6 +172,7 @@ def run(
         until=until,
         direct=direct,
         threads=threads,
+        workers=workers,
     )
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, table=table, as_json=json)
