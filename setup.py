@@ -17,7 +17,7 @@ class BuildWithCore(build_py):
 
     def run(self) -> None:
         super().run()
-        here = Path(__file__).parent
+        here = Path(__file__).resolve().parent  # where a checkout keeps what it has compiled
         root = here if self.editable_mode else Path(self.build_lib)
         compiling = runpy.run_path(str(here / "stc/core/compiling.py"))
         try:
