@@ -543,10 +543,16 @@ def explain_motion(
             "-o", "--output", metavar="FILE", help="The spec to write; default MOTION_explained.stc."
         ),
     ] = None,
+    search_time: Annotated[
+        float,
+        typer.Option(
+            "--search-time", metavar="SECONDS", help="Time for the search for weights; default 600."
+        ),
+    ] = 600.0,
     json: Json = False,
 ) -> int:
     """Propose a short spec whose solution is close to a recorded motion: contacts, ends, and what it wants least of."""
-    return explaining.run(motion, model, output, as_json=json)
+    return explaining.run(motion, model, output, search_time=search_time, as_json=json)
 
 
 @app.command()
