@@ -1,8 +1,8 @@
 """Weights of an objective's terms under which a motion is optimal: inverse optimal control.
 
 The first weights are those for which the recorded motion violates the conditions of an optimum least (Puydupin-Jamin,
-Johnson & Bretl 2012; Englert, Vien & Toussaint 2017).  With the gradients g_k of the terms, the Jacobian A of the active
-constraints and their multipliers y,
+Johnson & Bretl 2012; Englert, Vien & Toussaint 2017).  With the gradients g_k of the terms, the Jacobian A of the
+active constraints and their multipliers y,
 
     minimise  | sum_k w_k g_k + A^T y |   over y,   w >= 0,   sum_k w_k = 1,
 
