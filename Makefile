@@ -14,8 +14,8 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
 RECIPE := pyproject.toml setup.py build_backend/backend.py $(wildcard stc/core/*.[ch] stc/core/*/*.[ch] stc/core/compiling.py)
 # A module's tests stay together: they share what it solves once.  A worker that dies is not replaced, since pytest-xdist
-# may wait for ever for one that is: what it had left to do is not run, and the run fails.
-PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile --max-worker-restart 0
+# may wait for ever for one that is: what it had left to do is not run, and the run fails.  Slow files come first.
+PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 
 .PHONY: run test check nightly format bench docs gallery dist check-dist tree clean
 

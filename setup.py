@@ -9,7 +9,7 @@ from setuptools import Distribution, find_packages, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_py import build_py
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).resolve().parent  # where a checkout keeps what it has compiled
 COMPILING = runpy.run_path(str(HERE / "stc/core/compiling.py"))
 FOLDERS = {"stc": "stc", "stc.validate": "validate", "stc.models": "models", "stc.specs": "specs"}
 

@@ -286,12 +286,22 @@ def _held(mechanism: Mechanism, loose: Container[int]) -> Sequence[str]:
 
 
 def _travels(mechanism: Mechanism, loose: Container[int]) -> bool:
-    """Whether a body that hangs on the world, and is none of the loose ones, can be moved up and down."""
+    """Whether a body that hangs on the world, and is none of the loose ones, can go up and down without a motor that
+    lifts it.
+    """
+    driven = {
+        actuator.target
+        for actuator in mechanism.actuators
+        if actuator.enabled and actuator.transmission in ("joint", "jointinparent")
+    }
     return any(
         mechanism.bodies[joint.body].parent == 0
         and joint.body not in loose
-        and (joint.kind == "free" or (joint.kind == "slide" and abs(joint.axis[2]) > 1.0 - 1e-9))
-        for joint in mechanism.joints
+        and (
+            joint.kind == "free"
+            or (joint.kind == "slide" and abs(joint.axis[2]) > 1.0 - 1e-9 and index not in driven)
+        )
+        for index, joint in enumerate(mechanism.joints)
     )
 
 

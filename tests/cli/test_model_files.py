@@ -40,6 +40,20 @@ def test_a_starter_spec_of_a_model_states_a_problem(
     assert not problem.warnings
 
 
+def test_an_arm_that_a_motor_lifts_needs_no_floor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("lift.xml").write_text(
+        """<mujoco><worldbody><body><joint name="lift" type="slide" axis="0 0 1" range="0 .4"/>
+        <geom type="cylinder" size=".05 .1"/><body pos=".3 0 0"><joint name="turn" axis="0 0 1"/>
+        <geom type="capsule" fromto="0 0 0 .2 0 0" size=".02"/></body></body></worldbody>
+        <actuator><motor joint="lift"/><motor joint="turn"/></actuator></mujoco>"""
+    )
+    assert run(["new", "mine", "--model", "lift.xml"]) == 0
+    text = Path("mine.stc").read_text()
+    assert "holds a pose with the least effort" in text
+    assert "floor" not in text and "contact" not in text
+
+
 def test_a_starter_spec_solves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(["new", "mine", "--model", "arm.xml"]) == 0

@@ -111,6 +111,16 @@ def test_known_weights_are_found(swing: Solution, noise: float, precision: float
 
 
 @pytest.mark.slow
+def test_a_search_without_time_says_so_and_follows_the_recording(swing: Solution, tmp_path: Path) -> None:
+    names = ["joint.cart", "joint.pole"]
+    table = recorded(swing, names, tmp_path / "a.csv", 83.0, 0.0)
+    found = explain(table, models.locate("cart_pole.xml"), folder=tmp_path, time_limit=1e-6)
+    assert not found.good
+    assert "time limit of 1e-06 s" in found.notes[-1]
+    assert distance(found, swing, names) < 1e-3
+
+
+@pytest.mark.slow
 def test_stationarity_alone_finds_the_weights_of_a_motion_without_noise(
     swing: Solution, tmp_path: Path
 ) -> None:

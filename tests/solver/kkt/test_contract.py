@@ -19,7 +19,7 @@ SYSTEMS = [DenseKKT, MultifrontalKKT]
 def equilibrated(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """S K S with the largest entry of every row near 1, and the diagonal of S."""
     scale = np.ones(len(matrix))
-    for _ in range(30):
+    for _ in range(12):
         largest = np.abs(matrix * scale[:, None] * scale).max(axis=1)
         scale /= np.sqrt(np.where(largest > 0.0, largest, 1.0))
     return matrix * scale[:, None] * scale, scale
