@@ -10,6 +10,10 @@
 /* A plan is made anew, from the values at hand, where delayed pivots have cost so many times the planned operations in
  * all, and twice as much each time: some matrices suit no plan. */
 #define WASTED 4.0
+/* The first two plans are made anew, knowing which unknowns have been delayed, where the first matrix has cost so many
+ * times the planned operations beyond those; the third takes all for weak. */
+#define SOON 0.1
+#define LEARNING 2
 #define PLAN_SWEEPS 4
 #define ALIGNMENT 64
 
@@ -62,10 +66,12 @@ void kkt_free(kkt *s) {
     free(s->one); free(s->other); free(s->source); free(s->diagonal_source); free(s->stage); free(s->ordered_source);
     free(s->ordered_diagonal); free(s->diagonal); free(s->value); free(s->scale); free(s->most); free(s->index);
     free(s->local); free(s->inverse); free(s->kind); free(s->work);
+    free(s->weak);
     for (int k = 0; k < 6; k++) free(s->vector[k]);
     arena_free(&s->factors);
     arena_free(&s->stack);
     arena_free(&s->panel);
+    arena_free(&s->front);
     free(s);
 }
 
@@ -98,8 +104,10 @@ kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays) {
     s->most = array(s->size, sizeof(double));
     s->inverse = array(3 * (int64_t)s->size, sizeof(double));
     s->kind = array(s->size, 1);
+    s->weak = array(s->size, 1);
     int failed = !s->one || !s->other || !s->source || !s->ordered_source || !s->value || !s->diagonal_source
-                 || !s->ordered_diagonal || !s->stage || !s->diagonal || !s->scale || !s->most || !s->inverse || !s->kind;
+                 || !s->ordered_diagonal || !s->stage || !s->diagonal || !s->scale || !s->most || !s->inverse || !s->kind
+                 || !s->weak;
     for (int k = 0; k < 6; k++) failed |= !(s->vector[k] = array(s->size, sizeof(double)));
     if (failed) { kkt_free(s); return NULL; }
     memcpy(s->stage, pattern->stage, sizeof(int32_t) * (size_t)s->size);
@@ -180,7 +188,7 @@ static int make_plan(kkt *s) {
     double *magnitude = array(s->entries, sizeof(double));
     forget_plan(s);
     if (magnitude && !graph_of(s, &g) && !magnitudes(s, magnitude))
-        s->plan = plan_new(&g, s->entries, s->one, s->other, magnitude, s->n, s->stage);
+        s->plan = plan_new(&g, s->entries, s->one, s->other, magnitude, s->n, s->stage, s->weak);
     free(g.start); free(g.index); free(g.entry); free(magnitude);
     if (!s->plan) return -1;
     s->fronts = array(s->plan->fronts, sizeof(factored));
@@ -194,6 +202,7 @@ static int make_plan(kkt *s) {
     s->wasted = 0.0;
     s->allowed = WASTED * ldexp((double)s->plan->operations, s->facts.plans < 30 ? (int)s->facts.plans : 30);
     s->facts.plans++;
+    s->fresh = s->facts.plans <= LEARNING;
     s->facts.planned = s->plan->entries;
     s->facts.fronts = s->plan->fronts;
     return 0;
@@ -225,6 +234,11 @@ static int64_t factorize(kkt *s, int needed) {
     s->facts.factorizations++;
     int64_t ended = factorize_all(s, needed);
     if (ended == KKT_NO_MEMORY || ended == KKT_GIVEN_UP) return ended;
+    if (s->fresh && s->wasted > SOON * (double)s->plan->operations) {
+        if (s->facts.plans == LEARNING) memset(s->weak, 1, (size_t)s->size);
+        s->options.replan = 1;
+    }
+    s->fresh = 0;
     s->arrays.accuracy[0] = s->options.fine;
     s->factorized = 1;
     return ended;

@@ -58,9 +58,10 @@ static void add_contribution(double *restrict at, int64_t stride, const double *
 }
 
 /* Where a front and what it leaves go: enough room for all of it, or -1. */
-static int reserve(kkt *s, int32_t size, int64_t factors_used, int64_t stack_used, int64_t index_used) {
+static int reserve(kkt *s, int32_t size, int32_t summed, int64_t factors_used, int64_t stack_used, int64_t index_used) {
     int64_t stride = stride_of(size), all = stride * columns_of(size);
-    if (arena_reserve(&s->factors, factors_used + all, factors_used)) return -1;
+    if (arena_reserve(&s->factors, factors_used + stride * summed, factors_used)) return -1;
+    if (arena_reserve(&s->front, all, 0)) return -1;
     if (arena_reserve(&s->stack, stack_used + all, stack_used)) return -1;
     if (arena_reserve(&s->panel, (PANEL + 2) * stride, 0)) return -1;
     if (index_used + size > s->index_room) {
@@ -109,8 +110,9 @@ int64_t factorize_all(kkt *s, int needed) {
         int32_t rows = (int32_t)(p->row_start[at + 1] - p->row_start[at]);
         for (int32_t c = 0; c < p->children[at]; c++) delayed += s->waiting[waiting - 1 - c].delayed;
         int32_t size = delayed + own + rows, stride = stride_of(size);
-        if (reserve(s, size, factors_used, stack_used, index_used)) return KKT_NO_MEMORY;
-        f.at = s->factors.at + factors_used;
+        if (reserve(s, size, delayed + own, factors_used, stack_used, index_used)) return KKT_NO_MEMORY;
+        f.at = s->front.at;
+        f.factor = s->factors.at + factors_used;
         f.stride = stride;
         f.size = size;
         f.summed = delayed + own;
@@ -146,7 +148,7 @@ int64_t factorize_all(kkt *s, int needed) {
         int32_t taken = f.eliminated;
         if (p->parent[at] < 0 && taken < size) { /* not a number, or overflowed: give up on what is left */
             for (int32_t k = taken; k < size; k++) {
-                double *column = f.at + (int64_t)k * stride;
+                double *column = f.factor + (int64_t)k * stride;
                 memset(column, 0, sizeof(double) * (size_t)stride);
                 column[k] = 1.0;
                 f.inverse[3 * k] = (p->order[f.index[k]] < s->n ? 1.0 : -1.0) / REPLACEMENT;
@@ -168,6 +170,7 @@ int64_t factorize_all(kkt *s, int needed) {
             s->arrays.inertia[2] = f.zero;
             return KKT_GIVEN_UP;
         }
+        for (int32_t k = taken; k < f.summed; k++) s->weak[p->order[f.index[k]]] = 1;
         factored *kept = &s->fronts[at];
         kept->factor_at = factors_used;
         kept->index_at = index_used;

@@ -17,7 +17,7 @@
 
 /* The smallest pivots below SUSPECT are looked at, so many at most and until FUTILE of them have turned out to be none.
  * They are zero when the estimate of the eigenvalue is no more than NULL_ESTIMATE, and its bound no more than NULL_BOUND. */
-#define SUSPECT 1e-6
+#define SUSPECT 1e-4
 #define SUSPECTS 24
 #define FUTILE 2
 #define NULL_ESTIMATE 1e-13

@@ -42,7 +42,7 @@ struct kkt {
     double *diagonal, *value; /* scaled */
     double *scale, *most;
     factored *fronts;
-    arena factors, stack, panel;
+    arena factors, stack, panel, front;
     int32_t *index, *local;
     int64_t index_room;
     int32_t local_room;
@@ -53,6 +53,8 @@ struct kkt {
     double *work;     /* for the rows of the largest front, twice */
     int64_t work_room;
     int32_t factorized;
+    int32_t fresh;    /* the plan is new and one of the first */
+    uint8_t *weak;    /* unknowns that have been delayed, being no pivots in their fronts */
     double wasted, allowed; /* operations beyond those planned, and how many are worth another plan */
 };
 
