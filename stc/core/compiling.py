@@ -73,8 +73,9 @@ FLAGS = [
 #: Products and sums are rounded as they are written, so that results are the same on all processors, but for inner
 #: loops, where they are contracted to multiply-adds.
 CONTRACTED = {
-    "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions", "elastic",
-    "gather", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "points", "segmented_parts", "segmented_passes", "step", "values", "window",
+    "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions",
+    "elastic", "gather", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "points",
+    "segmented_parts", "segmented_passes", "step", "values", "window",
 }  # fmt: skip
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));
@@ -282,7 +283,14 @@ def compile_libraries(
             made = scratch / f"{source.stem}_{kind}.o"
             built.setdefault(kind, []).append(str(made))
             arithmetic = f"-ffp-contract={'fast' if source.stem in CONTRACTED else 'off'}"
-            options = [*FLAGS, *in_place, arithmetic, *_flags_of(kind, machine, own is None), *more, *(flags or [])]
+            options = [
+                *FLAGS,
+                *in_place,
+                arithmetic,
+                *_flags_of(kind, machine, own is None),
+                *more,
+                *(flags or []),
+            ]
             if source.stem == "processor":
                 options.append(f'-DCORE_SOURCES="{digest_of_sources()}"')
             jobs.append((source, options, made))
