@@ -294,7 +294,7 @@ plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_
     int64_t far = 0;
     for (int64_t e = 0; e < entries; e++)
         far += !dense[one[e]] && !dense[other[e]] && abs(stage[one[e]] - stage[other[e]]) > NEAR;
-    if ((double)far > FEW * (double)entries) stage = into; /* zeros, so far: a single one */
+    if ((double)far > FEW * (double)entries) memset(stage, 0, sizeof(int32_t) * n); /* a single one */
     if (match_rows(g, magnitude, variables, dense, stage, mate)) goto done;
     part_pairs(g, variables, dense, weak, mate, stage);
     if (order_pairs(g, mate, dense, stage, &found, node_of, &nodes)) goto done;
