@@ -88,7 +88,9 @@ class MultifrontalKKT(ByCopies):
         self._factorized = False
         self._counted_before = 0
         lib = core.library()
-        pattern = core.Pattern(n, m, self.hess.size, self.jac.size, *(numbers.ctypes.data for numbers in integers))
+        pattern = core.Pattern(
+            n, m, self.hess.size, self.jac.size, *(numbers.ctypes.data for numbers in integers)
+        )
         places = core.Arrays(
             *(
                 array.ctypes.data
