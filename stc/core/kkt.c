@@ -66,7 +66,7 @@ void kkt_free(kkt *s) {
     free(s->one); free(s->other); free(s->source); free(s->diagonal_source); free(s->stage); free(s->ordered_source);
     free(s->ordered_diagonal); free(s->diagonal); free(s->value); free(s->scale); free(s->most); free(s->index);
     free(s->local); free(s->inverse); free(s->kind); free(s->work);
-    free(s->weak);
+    free(s->weak); free(s->regular);
     for (int k = 0; k < 6; k++) free(s->vector[k]);
     arena_free(&s->factors);
     arena_free(&s->stack);
@@ -105,9 +105,10 @@ kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays) {
     s->inverse = array(3 * (int64_t)s->size, sizeof(double));
     s->kind = array(s->size, 1);
     s->weak = array(s->size, 1);
+    s->regular = array(s->size, sizeof(double));
     int failed = !s->one || !s->other || !s->source || !s->ordered_source || !s->value || !s->diagonal_source
                  || !s->ordered_diagonal || !s->stage || !s->diagonal || !s->scale || !s->most || !s->inverse || !s->kind
-                 || !s->weak;
+                 || !s->weak || !s->regular;
     for (int k = 0; k < 6; k++) failed |= !(s->vector[k] = array(s->size, sizeof(double)));
     if (failed) { kkt_free(s); return NULL; }
     memcpy(s->stage, pattern->stage, sizeof(int32_t) * (size_t)s->size);
@@ -198,6 +199,7 @@ static int make_plan(kkt *s) {
     for (int32_t k = 0; k < s->size; k++) {
         s->ordered_diagonal[k] = s->diagonal_source[s->plan->order[k]];
         s->scale[k] = 1.0;
+        s->regular[k] = INFINITY;
     }
     s->wasted = 0.0;
     s->allowed = WASTED * ldexp((double)s->plan->operations, s->facts.plans < 30 ? (int)s->facts.plans : 30);

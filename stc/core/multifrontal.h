@@ -3,6 +3,9 @@
 #define STC_MULTIFRONTAL_H
 
 #include <stdlib.h>
+#if defined(__AVX512F__)
+#include <immintrin.h>
+#endif
 
 #include "front.h"
 #include "singular.h"
@@ -29,6 +32,38 @@ static inline void copy_column(double *restrict to, const double *restrict given
     for (int32_t i = from - from % LANES; i < size; i += LANES) *(lanes *)(to + i) = *(const lanes *)(given + i);
 }
 
+#if defined(__AVX512F__)
+/* Eight rows of a parent that a child has some of, `mask` saying which, from row `from` of the child on. */
+typedef struct {
+    int32_t to, from, mask;
+} block;
+
+/* Add what a child has left, `place` saying where each of its unknowns is, increasing; `work` is for three times as many.
+ * Rows of the child spread to eight of the parent at a time. */
+static void add_contribution(double *restrict at, int64_t stride, const double *restrict given, const contribution *c,
+                             const int32_t *restrict place, int32_t *restrict work) {
+    int32_t size = c->size, count = 0;
+    block *blocks = (block *)work;
+    for (int32_t i = 0; i < size; i++) {
+        int32_t to = place[i] & ~7;
+        if (!count || blocks[count - 1].to != to) blocks[count++] = (block){to, i, 0};
+        blocks[count - 1].mask |= 1 << (place[i] & 7);
+    }
+    for (int32_t j = 0, first = 0; j < size; j++) {
+        double *to = at + place[j] * stride;
+        const double *from = given + (int64_t)j * c->stride;
+        if (first + 1 < count && blocks[first + 1].from <= j) first++;
+        __mmask8 mask = (__mmask8)(blocks[first].mask & (0xff << (place[j] & 7)));
+        double *put = to + blocks[first].to;
+        _mm512_storeu_pd(put, _mm512_add_pd(_mm512_loadu_pd(put), _mm512_maskz_expand_pd(mask, _mm512_loadu_pd(from + j))));
+        for (int32_t r = first + 1; r < count; r++) {
+            put = to + blocks[r].to;
+            __m512d spread = _mm512_maskz_expand_pd((__mmask8)blocks[r].mask, _mm512_loadu_pd(from + blocks[r].from));
+            _mm512_storeu_pd(put, _mm512_add_pd(_mm512_loadu_pd(put), spread));
+        }
+    }
+}
+#else
 /* Add what a child has left, `place` saying where each of its unknowns is; `runs` is work space. */
 static void add_contribution(double *restrict at, int64_t stride, const double *restrict given, const contribution *c,
                              const int32_t *restrict place, int32_t *restrict runs) {
@@ -56,6 +91,7 @@ static void add_contribution(double *restrict at, int64_t stride, const double *
         }
     }
 }
+#endif
 
 /* Where a front and what it leaves go: enough room for all of it, or -1. */
 static int reserve(kkt *s, int32_t size, int32_t summed, int64_t factors_used, int64_t stack_used, int64_t index_used) {
@@ -71,11 +107,11 @@ static int reserve(kkt *s, int32_t size, int32_t summed, int64_t factors_used, i
         s->index = larger;
         s->index_room = room;
     }
-    if (2 * size + 2 > s->local_room) {
-        int32_t *larger = realloc(s->local, sizeof(int32_t) * (size_t)(4 * size + 4));
+    if (4 * size > s->local_room) { /* places, and three times as many for add_contribution */
+        int32_t *larger = realloc(s->local, sizeof(int32_t) * (size_t)(8 * size));
         if (!larger) return -1;
         s->local = larger;
-        s->local_room = 4 * size + 4;
+        s->local_room = 8 * size;
     }
     return 0;
 }
@@ -139,7 +175,7 @@ int64_t factorize_all(kkt *s, int needed) {
                 s->local[k] = put++;
             }
             for (int32_t k = child->delayed; k < child->size; k++) s->local[k] = delayed + local[k];
-            add_contribution(f.at, stride, s->stack.at + child->at, child, s->local, s->local + s->local_room / 2);
+            add_contribution(f.at, stride, s->stack.at + child->at, child, s->local, s->local + s->local_room / 4);
             stack_used = child->at;
             excess += child->excess;
         }

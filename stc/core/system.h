@@ -41,6 +41,7 @@ struct kkt {
     int32_t *ordered_source, *ordered_diagonal;
     double *diagonal, *value; /* scaled */
     double *scale, *most;
+    double *regular;  /* size of the last pivot of each unknown that was suspected to be zero, and was not */
     factored *fronts;
     arena factors, stack, panel, front;
     int32_t *index, *local;
