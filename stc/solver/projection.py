@@ -86,7 +86,7 @@ class Projection:
         )
 
     def _write_diagonals(self, *values: float) -> None:
-        self._diagonals.floats[1:4] = values
+        self._diagonals.floats[1:4] = list(values)
         self._diagonals()
 
 
