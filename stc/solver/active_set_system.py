@@ -9,8 +9,8 @@ S. J. Wright, Numerical Optimization, 2006, sections 17.1 and 16.3.)
 
 from __future__ import annotations
 
-from stc.core.functions import function
-from stc.core.structures import Structure
+from collections.abc import Callable
+
 from stc.solver.kkt.contract import AttachedKKT, NotFinite
 from stc.solver.products import NOTHING
 
@@ -26,22 +26,25 @@ AGAINST_DEPENDENT_ROWS = 1
 """The regularity with the one shift alone."""
 
 
-def factorize_restricted(point: Structure, kkt: AttachedKKT, regularity: int = 0) -> tuple[int, bool]:
+def factorize_restricted(
+    write: Callable[[float, float, float], object], largest: float, kkt: AttachedKKT, regularity: int = 0
+) -> tuple[int, bool]:
     """Factorise the H and J in the arrays of a KKT system, regularised as much as it takes.
 
     Args:
-        point: with an active set (``primal_dual`` in ``active_set.h``), restricted to it.
+        write: writes the diagonals of an active set (``conditions_restricted_diagonals`` in ``active_set.h``).
+        largest: entry of the Hessian.
         kkt: the system that its matrix is in.
         regularity: what to begin with: 0 no shift; 1 one against dependent rows; 2 one of the Hessian, too.
 
     Returns:
         The regularity reached, and whether the curvature on the active set is positive with it.
     """
-    size = max(1.0, float(point.largest_curvature))
+    size = max(1.0, largest)
     shifts = ((0.0, 0.0), (0.0, NOTHING), (NOTHING * size, NOTHING))
     m = kkt.dual.size
     while True:
-        function("conditions_restricted_diagonals")(point, *shifts[regularity], size / NOTHING)
+        write(*shifts[regularity], size / NOTHING)
         try:
             inertia = kkt.refactor()
         except NotFinite:

@@ -38,7 +38,6 @@ from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome, Tactics
-from stc.solver.progress import Nearest, forget_steps
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.unboundedness import LOW, TOO_FAR, is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
@@ -115,11 +114,18 @@ class _Loop:
         scale = max(1.0, work.it.theta)
         s.small_theta, s.tiny = SMALL_VIOLATION * scale, 0
         work.filter.restart(self.tactics.largest_theta * scale)
-        self.nearest = Nearest(work)
-        forget_steps(work)
+        s.nearest_error, s.waiting = np.inf, 0
+        work.nearest.w[:], work.nearest.y[:], work.nearest.z[:] = work.it.w, work.it.y, work.it.z
+        self._forget_steps()
         s.stuck, s.shortest = 0, SHORT
         s.feasibility = self.options.feasibility_tolerance
         s.attention = self._attention()
+
+    def _forget_steps(self) -> None:
+        """Begin to count steps that move nothing any more."""
+        s = self.s
+        s.tiny_steps = s.small_steps = s.short_steps = s.stalled = 0
+        s.theta_before = np.inf
 
     def _attention(self) -> float:
         """The error at which more than the next step is to be thought of."""
@@ -143,7 +149,8 @@ class _Loop:
                     minimum = second_order is SecondOrder.HOLDS
                     return replace(self._outcome(End.CONVERGED), minimum=minimum)
                 if self._stalled():
-                    self.nearest.return_to()
+                    if self.s.nearest_error <= ACCEPTABLE:
+                        work.evaluate(work.nearest.w, work.nearest.y, work.nearest.z)
                     second_order = self._leave_saddle()
                     if second_order is SecondOrder.LEFT:
                         continue
@@ -242,7 +249,10 @@ class _Loop:
         return Outcome(end, self.form, it.w[: self.form.n].copy(), it.y.copy(), self.error, it.snapshot())
 
     def _give_up(self) -> Outcome:
-        return replace(self.nearest.outcome(), early=self.early)
+        """End at the iterate with the smallest error so far."""
+        best, error = self.work.nearest, float(self.s.nearest_error)
+        x, y = best.w[: self.form.n].copy(), best.y.copy()
+        return Outcome(End.STUCK, self.form, x, y, error, self.it.snapshot(), early=self.early)
 
     # -- moves -----------------------------------------------------------------------------------------------------
 
@@ -327,7 +337,7 @@ class _Loop:
         Returns None when the iteration can go on from where that led, else how it ends.
         """
         form, it, mu, filter = self.form, self.it, self.s.mu, self.work.filter
-        if not isinstance(form, ScaledProblem) or self.nearest.error <= ACCEPTABLE:
+        if not isinstance(form, ScaledProblem) or self.s.nearest_error <= ACCEPTABLE:
             return self._give_up()
         if it.theta <= ACCURATE * self.options.tolerance:
             return self._give_up()
@@ -352,5 +362,5 @@ class _Loop:
         self.work.renew_calls()
         if end is End.STUCK or (end is None and it.theta > CORRECTION_PROGRESS * theta):
             return self._give_up()
-        forget_steps(self.work)
+        self._forget_steps()
         return None if end is None else self._outcome(end)

@@ -53,6 +53,7 @@ class Projection:
         self._kkt = form.attached_kkt
         self._evaluate = function("active_set_evaluate").bind(self.s)
         self._restrict = function("conditions_restrict").bind(self.s)
+        self._diagonals = function("conditions_restricted_diagonals").bind(self.s, 0.0, 0.0, 0.0)
         self._find_violation = form.violation_call(self.x, self.r, self.s.array_of("violation"))
 
     @property
@@ -80,7 +81,13 @@ class Projection:
     def factorize(self, regularity: int = 0) -> tuple[int, bool]:
         """Factorise for the Newton step on the active set; see ``factorize_restricted``."""
         self._restrict()
-        return factorize_restricted(self.s, self._kkt, regularity)
+        return factorize_restricted(
+            self._write_diagonals, float(self.s.largest_curvature), self._kkt, regularity
+        )
+
+    def _write_diagonals(self, *values: float) -> None:
+        self._diagonals.floats[1:4] = list(values)
+        self._diagonals()
 
 
 class ProjectionPair:
@@ -96,6 +103,8 @@ class ProjectionPair:
         self.point, self.next = Projection(form), Projection(form)
         self.regularity, self.change = 0, 0.0
         self._kkt = form.attached_kkt
+        improve, one, other = function("active_set_improve"), self.point.s, self.next.s
+        self._improve = {id(one): improve.bind(one, other, 0.0), id(other): improve.bind(other, one, 0.0)}
 
     def start(self, x: Floats, y: Floats) -> bool:
         """Begin at ``(x, y)``; False where a function is undefined."""
@@ -109,7 +118,9 @@ class ProjectionPair:
         point, following = self.point, self.next
         for one in (point, following):
             one.calls.put(SOLVE, self._kkt.solve_call)
-        last = function("active_set_improve")(point.s, following.s, tolerance)
+        improve = self._improve[id(point.s)]
+        improve.floats[2] = tolerance
+        last = improve()
         point.calls.check()
         following.calls.check()
         self.change = float(point.s.change)

@@ -12,6 +12,7 @@ state constraint; then it is given up.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,7 +161,10 @@ class QuadraticProgram:
         )  # fmt: skip
         function("conditions_restrict")(self._restricted)
         # The next set of this program starts with what was needed here.
-        self.regularity, positive = factorize_restricted(self._restricted, kkt, self.regularity)
+        self.regularity, positive = factorize_restricted(
+            partial(function("conditions_restricted_diagonals"), self._restricted),
+            float(self._restricted.largest_curvature), kkt, self.regularity,
+        )  # fmt: skip
         return positive
 
     def _solved(self, fixed_d: Floats) -> tuple[Floats, Floats, Floats, Floats] | None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stc.core.calls import CallTable
-from stc.core.functions import function
+from stc.core.functions import BoundFunction, function
 from stc.core.structures import structure
 from stc.solver.constants import ATTEMPT, CALLS, DERIVATIVES, RECORD, SOLVE, SOLVE_BOTH, VALUES, WATCH
 from stc.solver.filter import Filter
@@ -114,6 +114,8 @@ class Workspace:
         self.residual, self.sigma, self.start_w = zeros(size), zeros(size), zeros(size)
         self.dual_diagonal, self.shifts, self.centre = zeros(m), zeros(n), zeros(gaps)
         self.calls = CallTable(CALLS)
+        self._prepared: dict[str, BoundFunction] = {}
+        self._log_sum = function("point_log_sum").bind(gaps, self.it.gap)
         self.s = structure("iteration")(
             calls=self.calls.cells,
             form=form.structure,
@@ -152,7 +154,12 @@ class Workspace:
 
     def run(self, name: str, *args: float) -> Any:
         """Call a function of the core for this iteration, by its name there."""
-        result = function(name)(self.s, *args)
+        call = self._prepared.get(name)
+        if call is None:
+            call = self._prepared[name] = function(name).bind(self.s, *args)
+        for place, value in enumerate(args, 1):
+            call.floats[place] = value
+        result = call()
         self.calls.check()
         return result
 
@@ -167,7 +174,7 @@ class Workspace:
         """Take over an iterate."""
         if it is not self.it:
             self.it.become(it)
-        self.it.structure.logarithms = function("point_log_sum")(self.form.gaps, self.it.gap)
+        self.it.structure.logarithms = self._log_sum()
 
     def renew_calls(self) -> None:
         """Take the calls that hold for matrices like the last one that was factorised, if any was."""
