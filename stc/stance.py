@@ -22,7 +22,7 @@ from stc.language.model.surfaces import floor
 from stc.mechanism.forces import Wrench
 from stc.mechanism.mechanism import Geom, Mechanism
 from stc.mechanism.tree import rotation
-from stc.mechanism.vectors import vector
+from stc.mechanism.vectors import Vector, vector
 from stc.problem import ConstantRef, VariableRef
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, evaluate_all, mul, num, sum_of, sym, symbols
@@ -289,22 +289,16 @@ class Stance:
         }
         known.update(zip(self._keys, q, strict=True))
         across = self._sides()
-        ways = [
-            self.up + spot.friction * (a * across[0] + b * across[1]) for spot in spots for a, b in _CORNERS
-        ]
-        pushes = [VariableRef(f"push {k}") for k in range(len(ways))]
+        pushes: list[VariableRef] = []
         wrenches = []
-        for number, spot in enumerate(spots):
-            first = len(_CORNERS) * number
-            own = range(first, first + len(_CORNERS))
-            force = [sum_of([mul(num(ways[k][i]), sym(pushes[k])) for k in own]) for i in range(3)]
-            # A ball is pushed at its lowest point.
-            arm = -spot.radius * self.up
-            torque = [
-                sum_of([mul(num(np.cross(arm, ways[k])[i]), sym(pushes[k])) for k in own]) for i in range(3)
-            ]
-            frame = scope.dynamics.tree.frame(spot.body, vector(spot.at))
-            wrenches.append(Wrench(frame, (force[0], force[1], force[2]), (torque[0], torque[1], torque[2])))
+        for body, at, radius, friction in (place for spot in spots for place in self._pushed(spot)):
+            ways = [self.up + friction * (a * across[0] + b * across[1]) for a, b in _CORNERS]
+            own = [VariableRef(f"push {len(pushes) + k}") for k in range(len(ways))]
+            arm = -radius * self.up  # a ball is pushed at its lowest point
+            arms = [np.cross(arm, way) for way in ways]
+            force, torque = (_combined(each, own) for each in (ways, arms))
+            pushes += own
+            wrenches.append(Wrench(scope.dynamics.tree.frame(body, vector(at)), force, torque))
         inputs: list[object] = [*map(VariableRef, scope.controls), *pushes]
         low, high = [0.0] * len(inputs), [math.inf] * len(inputs)
         for actuator in mechanism.actuators:
@@ -327,8 +321,24 @@ class Stance:
             slopes = np.column_stack([slopes, np.eye(len(residual))[dof]])
             low.append(-most)
             high.append(most)
-        found = lsq_linear(slopes, -values[:, 0], (low, high), tol=1e-12)
+        if not np.isfinite(values).all():
+            return True
+        ends = low, np.maximum(high, np.array(low) + _TINY)
+        found = lsq_linear(slopes, -values[:, 0], ends, tol=1e-12)
         return bool(np.linalg.norm(found.fun) <= _BALANCE * max(scope.weight, _TINY))
+
+    def _pushed(self, spot: Spot) -> list[tuple[int, Sequence[float], float, float]]:
+        """The body, places in it, radii and friction where the floor pushes: at all corners of a sole."""
+        soles = [
+            geom
+            for geom in self.mechanism.geoms
+            if geom.name and spot.written == f"foot({path_of('geom', geom.name)})"
+        ]
+        if not soles:
+            return [(spot.body, spot.at, spot.radius, spot.friction)]
+        size, turn = np.array(soles[0].size), rotation(soles[0].quat)
+        corners = [np.array(soles[0].pos) + turn @ (size * (a, b, -1.0)) for a, b in _CORNERS]
+        return [(spot.body, corner.tolist(), 0.0, spot.friction) for corner in corners]
 
     def _sides(self) -> tuple[Matrix, Matrix]:
         """Two axes of the floor, at a right angle."""
@@ -415,6 +425,14 @@ class Stance:
                 if bodies[body].parent:
                     found |= set(bodies[body].joints)
         return [k for k in sorted(found) if self.mechanism.joints[k].kind in ("hinge", "slide")]
+
+
+def _combined(ways: Sequence[Matrix], by: Sequence[VariableRef]) -> Vector:
+    """The sum of constant vectors, each times an unknown."""
+    x, y, z = (
+        sum_of([mul(num(way[i]), sym(key)) for way, key in zip(ways, by, strict=True)]) for i in range(3)
+    )
+    return x, y, z
 
 
 def _encloses(places: Matrix, point: Matrix) -> bool:

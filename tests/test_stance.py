@@ -32,6 +32,18 @@ def test_a_pose_is_held_by_friction_only_as_far_as_it_goes() -> None:
         assert stance.holds(stance.start, stance.lowest(1e-3)) == held
 
 
+def test_a_sole_holds_by_its_edge() -> None:
+    """A weight beside the middle of a box, above its sole and beyond that."""
+    for beside, held in ((0.09, True), (0.11, False)):
+        text = f"""<mujoco><worldbody><geom type="plane" size="5 5 1"/><body name="b" pos="0 0 .05"><freejoint/>
+          <inertial pos="{beside} 0 .1" mass="1" diaginertia=".1 .1 .1"/>
+          <geom name="sole" type="box" size=".1 .1 .05"/></body></worldbody></mujoco>"""
+        model = read_model("sole.xml", text=text)
+        stance = Stance(model, model.start)
+        assert [spot.written for spot in stance.lowest(1e-3)] == ["foot(geom.sole)"]
+        assert stance.holds(stance.start, stance.lowest(1e-3)) == held
+
+
 FOOT = """<mujoco><worldbody><geom type="plane" size="5 5 1"/><body name="leg" pos="0 0 .3"><freejoint/>
   <geom size=".05"/><body name="foot" pos="0 0 -.2"><joint name="shift" type="slide"
     axis="1 0 0"/><joint name="ankle" axis="0 1 0" range="-60 60"/>

@@ -9,6 +9,7 @@ import pytest
 
 import stc
 from stc.certification import certify
+from stc.cli import model_starter
 from stc.cli.main import run
 from stc.validate import validate
 
@@ -98,6 +99,19 @@ def test_a_starter_of_a_robot_of_others_stands_and_passes_validation(
     assert "contact:" in text
     certificate = certify(stc.load("mine.stc").solve(), equations=False)
     assert certificate.passed, certificate.headline
+
+
+def test_a_starter_of_a_model_that_is_too_large_to_be_tried_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No time is large enough for any model: the page that asks for most is written, and states a problem."""
+    monkeypatch.setattr(model_starter, "_SECONDS", 0.0)
+    monkeypatch.chdir(tmp_path)
+    assert run(["new", "mine", "--model", "quadruped.xml"]) == 0
+    text = Path("mine.stc").read_text(encoding="utf-8")
+    assert text.startswith("# This page was not tried: the model is large")
+    assert "stands still" in text
+    assert stc.load("mine.stc").problem().of_model
 
 
 def test_a_model_without_joints_has_no_starter(

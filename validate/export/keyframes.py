@@ -1,7 +1,7 @@
 """The model of a motion as MJCF with a keyframe per frame, including the fields that the spec sets.
 
 Numbers are inserted into the model's own text with all their digits; MuJoCo's writer would keep six.  URDFs, and models
-to which the spec adds parts, have no such text (:mod:`stc.validate.export.writing`).
+of which the spec or the file itself makes parts, have no such text (:mod:`stc.validate.export.writing`).
 Included files become part of the text, and the assets are copied beside it, so that file and folder can be moved.
 The written file is read back and compared with the model of the validation.
 """
@@ -28,6 +28,9 @@ from stc.validate.setup import Setup
 
 if TYPE_CHECKING:
     import mujoco
+
+#: Elements that make others, which are not in the text.
+_MADE = ("replicate", "attach")
 
 #: Fields of a compiled model that must come back as they were, up to rounding.
 _COMPARED = (
@@ -72,7 +75,8 @@ def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
     if own:
         root = ET.parse(setup.path).getroot()
         _include(root, setup.path.parent)
-    else:
+        own = not any(element.tag in _MADE for element in root.iter())
+    if not own:
         root = written(setup.description(), setup.compiled)
     assets = path.with_name(f"{path.stem}_assets")
     with _whole_or_not(assets):

@@ -1,4 +1,4 @@
-"""The text of a model that has none of its own: one read from a URDF, or one to which a spec adds parts.
+"""The text of a model of which there is none: one read from a URDF, or with parts that are added, repeated or attached.
 
 MuJoCo's writer keeps six digits.  Numbers that shape the motion are put back with all of them, from the compiled model;
 elements of the text come in the order of the model's.
@@ -29,6 +29,8 @@ _OF_DOF = {"damping": "dof_damping", "armature": "dof_armature", "frictionloss":
 _OF_COORDINATE = {"ref": "qpos0", "springref": "qpos_spring"}
 _OF_GEOM = {"pos": "geom_pos", "quat": "geom_quat", "size": "geom_size", "friction": "geom_friction"}
 _OF_SITE = {"pos": "site_pos", "quat": "site_quat", "size": "site_size"}
+_OF_CAMERA = {"pos": "cam_pos", "quat": "cam_quat"}
+_OF_LIGHT = {"pos": "light_pos", "dir": "light_dir"}
 _OF_ACTUATOR = {
     "ctrlrange": "actuator_ctrlrange",
     "forcerange": "actuator_forcerange",
@@ -66,6 +68,7 @@ def written(description: mujoco.MjSpec, model: mujoco.MjModel) -> ET.Element:
     option.set("gravity", text(model.opt.gravity))
     world = root.find("worldbody")
     if world is not None:
+        _without_frames(world)
         for body, element in enumerate(_bodies(world)):
             _set_body(element, model, body)
     for index, element in enumerate(_in_section(root, "actuator")):
@@ -85,6 +88,32 @@ def written(description: mujoco.MjSpec, model: mujoco.MjModel) -> ET.Element:
 def _in_section(root: ET.Element, section: str) -> list[ET.Element]:
     """The elements of all sections of a name."""
     return [each for part in root.findall(section) for each in part]
+
+
+#: What places an element that is placed by a frame.
+_PLACED = {
+    "geom": {"pos": "0 0 0", "quat": "1 0 0 0"},
+    "site": {"pos": "0 0 0", "quat": "1 0 0 0"},
+    "camera": {"pos": "0 0 0", "quat": "1 0 0 0"},
+    "joint": {"pos": "0 0 0", "axis": "0 0 1"},
+    "light": {"pos": "0 0 0", "dir": "0 0 -1"},
+}
+
+
+def _without_frames(element: ET.Element) -> None:
+    """Put the elements of frames in the place of these; their own places are those of the compiled model."""
+    for index, child in reversed(list(enumerate(element))):
+        _without_frames(child)
+        if child.tag != "frame":
+            continue
+        element.remove(child)
+        for offset, inner in enumerate(child):
+            if "childclass" in child.attrib:
+                name = "childclass" if inner.tag in ("body", "frame") else "class"
+                inner.attrib.setdefault(name, child.attrib["childclass"])
+            for name, value in _PLACED.get(inner.tag, {}).items():
+                inner.attrib.setdefault(name, value)
+            element.insert(index + offset, inner)
 
 
 def _bodies(body: ET.Element) -> Iterator[ET.Element]:
@@ -112,13 +141,29 @@ def _set_body(element: ET.Element, model: mujoco.MjModel, body: int) -> None:
             _put(child, model, _OF_DOF, int(model.jnt_dofadr[joint]))
             _put(child, model, _OF_COORDINATE, int(model.jnt_qposadr[joint]))
     for geom, child in enumerate(element.findall("geom"), int(model.body_geomadr[body])):
-        if int(model.geom_type[geom]) != int(
-            mujoco.mjtGeom.mjGEOM_MESH
-        ):  # whose places are not those of the text
-            _put(child, model, _OF_GEOM, geom)
-    sites = np.flatnonzero(model.site_bodyid == body).tolist()
-    for site, child in zip(sites, element.findall("site"), strict=True):
-        _put(child, model, _OF_SITE, site)
+        _put(child, model, _OF_GEOM, geom)
+        if int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH):
+            _place_mesh(child, model, geom)
+    for tag, bodies, fields in (
+        ("site", model.site_bodyid, _OF_SITE),
+        ("camera", model.cam_bodyid, _OF_CAMERA),
+        ("light", model.light_bodyid, _OF_LIGHT),
+    ):
+        for index, child in zip(np.flatnonzero(bodies == body).tolist(), element.findall(tag), strict=True):
+            _put(child, model, fields, index)
+
+
+def _place_mesh(element: ET.Element, model: mujoco.MjModel, geom: int) -> None:
+    """Place the geom of a mesh: compiled, it is where the mesh has its centre and its principal axes."""
+    import mujoco
+
+    mesh = int(model.geom_dataid[geom])
+    back, turn, moved = np.zeros(4), np.zeros(4), np.zeros(3)
+    mujoco.mju_negQuat(back, model.mesh_quat[mesh])
+    mujoco.mju_mulQuat(turn, model.geom_quat[geom], back)
+    mujoco.mju_rotVecQuat(moved, model.mesh_pos[mesh], turn)
+    element.set("pos", text(model.geom_pos[geom] - moved))
+    element.set("quat", text(turn))
 
 
 def set_inertia(element: ET.Element, model: mujoco.MjModel, body: int) -> None:
