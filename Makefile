@@ -72,8 +72,9 @@ $(VENV)/.ready: $(RECIPE) | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
 
+# Not compiled ahead: most of what these packages hold is never imported.
 $(VENV)/.ready-dev: $(RECIPE) | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[dev]'
 	touch $(VENV)/.ready $@
 
 $(VENV)/.ready-docs: $(RECIPE) | $(VENV)/bin/python
