@@ -9,7 +9,7 @@ VENV ?= .venv
 SPEC ?= luxo_jump
 BIN := $(VENV)/bin
 # The first Python on the path that is new enough.
-PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3.14 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
 RECIPE := pyproject.toml setup.py build_backend/backend.py $(wildcard stc/core/*.[ch] stc/core/*/*.[ch] stc/core/compiling.py)
 # A module's tests stay together: they share what it solves once.  A worker that dies is not replaced, since pytest-xdist
