@@ -10,7 +10,7 @@ WHEELS ?= manylinux2014_x86_64 manylinux2014_aarch64 macosx_11_0_arm64 win_amd64
 SPEC ?= luxo_jump
 BIN := $(VENV)/bin
 # The first Python on the path that is new enough.
-PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3.14 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
 RECIPE := pyproject.toml setup.py build_backend/backend.py $(wildcard stc/core/*.[ch] stc/core/*/*.[ch] stc/core/compiling.py)
 # A module's tests stay together: they share what it solves once.  A worker that dies is not replaced, since pytest-xdist
@@ -76,8 +76,9 @@ $(VENV)/.ready: $(RECIPE) | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
 
+# Not compiled ahead: most of what these packages hold is never imported.
 $(VENV)/.ready-dev: $(RECIPE) | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[dev]'
 	touch $(VENV)/.ready $@
 
 $(VENV)/.ready-docs: $(RECIPE) | $(VENV)/bin/python

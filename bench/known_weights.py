@@ -63,7 +63,7 @@ def row(made: stc.Solution, noise: float) -> str:
     trials = [found(made, noise, seed) for seed in (SEEDS if noise else SEEDS[:1])]
     errors = [abs(weight / WEIGHT - 1.0) for weight, _, _ in trials]
     terms = " or ".join(sorted({", ".join(sorted(one)) for _, _, one in trials}))
-    share = f"{100 * float(np.median(errors)):.2g} % | {100 * max(errors):.2g} %"
+    share = " | ".join(f"{float(f'{100.0 * one:.2g}'):g} %" for one in (np.median(errors), max(errors)))
     return f"| {noise:g} | {share} | {max(distance for _, distance, _ in trials):.1e} | {terms} |"
 
 

@@ -128,7 +128,6 @@ def next_steps(
                 found[_UNJUDGED] = None
             if step and not causes:
                 found.update(dict.fromkeys(contacts if contacts and fine else [step]))
-                found.update(dict.fromkeys([soft] if soft and fine else []))
     # Off the ground and on it the step is the same one, with more to say of it there.
     last = swings if not wrong or any(metric.name.startswith("contact force") for metric in failed) else ()
     found = dict.fromkeys([*causes, *found, *last]) if failed else {}
