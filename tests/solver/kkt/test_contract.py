@@ -86,9 +86,7 @@ def test_attempts_tell_a_right_inertia_from_a_wrong_one(system, structure):
             eigenvalues = np.linalg.eigvalsh(matrix)
             if np.abs(eigenvalues).min() < 1e-9 * np.abs(eigenvalues).max():
                 continue
-            for own, given in zip(
-                (kkt.hess, kkt.jac, kkt.primal, kkt.dual), values.arguments(), strict=True
-            ):
+            for own, given in zip((kkt.hess, kkt.jac, kkt.primal, kkt.dual), values.arguments(), strict=True):
                 own[:] = given
             attempt = kkt.attempt_call
             if attempt is None:
