@@ -66,11 +66,15 @@ void step_shifted(iteration *it) {
 void step_bend(iteration *it) {
     const evaluation *at = it->at;
     int64_t n = it->form->n, m = it->form->m, entries = it->form->hess_entries;
+    point_copy(entries, at->hess, it->bend);
     point_copy(n, it->now->w, at->x);
     for (int64_t r = 0; r < m; r++) at->y[r] = 0.0;
     invoke(it->calls, DERIVATIVES);
-    point_copy(entries, at->hess, it->bend);
-    point_copy(entries, it->kkt->hess, at->hess); /* the whole one, not damped yet */
+    for (int64_t e = 0; e < entries; e++) {
+        double whole = it->bend[e];
+        it->bend[e] = at->hess[e];
+        at->hess[e] = whole;
+    }
     point_copy(m, it->now->y, at->y);
 }
 
