@@ -265,7 +265,8 @@ class Stance:
 
     def balances(self, spots: Sequence[Spot]) -> bool:
         """Whether the given pose stands on some points without changes."""
-        places, centre = self.seen(self.start[:, None], spots)
+        pushed = [place for spot in spots for place in self._pushed(spot)]
+        places, centre = self.seen(self.start[:, None], pushed)
         heights = self.up @ places[:, :, 0]
         flat = self._flat(places[:, :, 0])
         return bool(np.ptp(heights) < 1e-3 and _encloses(flat, self._flat(centre)[:, 0]))
@@ -291,14 +292,14 @@ class Stance:
         across = self._sides()
         pushes: list[VariableRef] = []
         wrenches = []
-        for body, at, radius, friction in (place for spot in spots for place in self._pushed(spot)):
-            ways = [self.up + friction * (a * across[0] + b * across[1]) for a, b in _CORNERS]
+        for place in (place for spot in spots for place in self._pushed(spot)):
+            ways = [self.up + place.friction * (a * across[0] + b * across[1]) for a, b in _CORNERS]
             own = [VariableRef(f"push {len(pushes) + k}") for k in range(len(ways))]
-            arm = -radius * self.up  # a ball is pushed at its lowest point
+            arm = -place.radius * self.up  # a ball is pushed at its lowest point
             arms = [np.cross(arm, way) for way in ways]
             force, torque = (_combined(each, own) for each in (ways, arms))
             pushes += own
-            wrenches.append(Wrench(scope.dynamics.tree.frame(body, vector(at)), force, torque))
+            wrenches.append(Wrench(scope.dynamics.tree.frame(place.body, vector(place.at)), force, torque))
         inputs: list[object] = [*map(VariableRef, scope.controls), *pushes]
         low, high = [0.0] * len(inputs), [math.inf] * len(inputs)
         for actuator in mechanism.actuators:
@@ -323,22 +324,18 @@ class Stance:
             high.append(most)
         if not np.isfinite(values).all():
             return True
-        ends = low, np.maximum(high, np.array(low) + _TINY)
-        found = lsq_linear(slopes, -values[:, 0], ends, tol=1e-12)
+        upper = np.maximum(high, np.array(low) + _TINY)
+        found = lsq_linear(slopes, -values[:, 0], (low, upper), tol=1e-12)
         return bool(np.linalg.norm(found.fun) <= _BALANCE * max(scope.weight, _TINY))
 
-    def _pushed(self, spot: Spot) -> list[tuple[int, Sequence[float], float, float]]:
-        """The body, places in it, radii and friction where the floor pushes: at all corners of a sole."""
-        soles = [
-            geom
-            for geom in self.mechanism.geoms
-            if geom.name and spot.written == f"foot({path_of('geom', geom.name)})"
-        ]
-        if not soles:
-            return [(spot.body, spot.at, spot.radius, spot.friction)]
-        size, turn = np.array(soles[0].size), rotation(soles[0].quat)
-        corners = [np.array(soles[0].pos) + turn @ (size * (a, b, -1.0)) for a, b in _CORNERS]
-        return [(spot.body, corner.tolist(), 0.0, spot.friction) for corner in corners]
+    def _pushed(self, spot: Spot) -> list[Spot]:
+        """Where the floor pushes a spot: at all corners if it is a sole."""
+        for geom in self.mechanism.geoms:
+            if geom.name and spot.written == f"foot({path_of('geom', geom.name)})":
+                size, turn = np.array(geom.size), rotation(geom.quat)
+                corners = [np.array(geom.pos) + turn @ (size * (a, b, -1.0)) for a, b in _CORNERS]
+                return [Spot(spot.body, (x, y, z), 0.0, spot.friction, "") for x, y, z in corners]
+        return [spot]
 
     def _sides(self) -> tuple[Matrix, Matrix]:
         """Two axes of the floor, at a right angle."""

@@ -247,7 +247,7 @@ class _Pages:
                 yield self._page("holds a pose with the least effort", 0.1)
         elif mechanism.actuators and "contact" not in mechanism.options.disabled:
             level = stance.lowest(_LEVEL)
-            if len(level) > 1 and stance.balances(level) and stance.holds(stance.start, level):
+            if level and stance.balances(level) and stance.holds(stance.start, level):
                 yield self._standing("stands still", level, inside)
             balanced, near = self._balanced()
             if balanced is not None and stance.holds(balanced, near):

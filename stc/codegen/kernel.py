@@ -327,17 +327,16 @@ def _is_worth_it(tapes: Sequence[Tape], instances: Sequence[int]) -> bool:
     return EXPECTED * longer > compiling_takes(tapes)
 
 
-#: Bytes that a kernel may take of the stack for values that are not in registers: half of what threads usually have.
-STACK = 2**22
+#: Bytes that a kernel may take of the stack, of which threads usually have 8 MB, and how many operations there are to
+#: each vector that it takes.  Long tapes are compiled without optimisation, which gives every value that is needed in
+#: another basic block a place of its own: 1.1 million operations on vectors of 64 bytes take 11.6 MB.
+STACK = 5_000_000
+_TO_A_PLACE = 6
 
 
-def _fits_the_stack(tape: Tape, runs: Runs) -> bool:
-    """Whether machine code of a tape would keep its values within :data:`STACK`.
-
-    Instructions have them elsewhere, in about as many rows as there are values that are not in registers.
-    """
-    vector = 8 * engine.vector_width()
-    return vector * len(tape.ops) <= STACK or vector * assemble(tape, runs, engine.has_fma()).rows <= STACK
+def _fits_the_stack(tape: Tape) -> bool:
+    """Whether machine code of a tape would keep its values within :data:`STACK`."""
+    return 8 * engine.vector_width() * len(tape.ops) // _TO_A_PLACE <= STACK
 
 
 class _Absent(Exception):
@@ -353,12 +352,12 @@ def _load_or_compile(kernels: KernelSet, cache: bool, *, wanted: bool) -> bool:
     made: dict[int, bytes] = {}
 
     def make(number: int) -> bytes:
-        if not wanted or not all(map(_fits_the_stack, *groups[number])):
+        if not wanted or not all(map(_fits_the_stack, groups[number][0])):
             raise _Absent
         if number not in made:  # nor will the later ones be found
             from stc.codegen.compiling import compile_modules
 
-            later = [k for k in range(number + 1, len(groups)) if all(map(_fits_the_stack, *groups[k]))]
+            later = [k for k in range(number + 1, len(groups)) if all(map(_fits_the_stack, groups[k][0]))]
             missing = [number, *later]
             codes = compile_modules([partial(_own_ir, *groups[k]) for k in missing], level)
             made.update(zip(missing, codes, strict=True))
