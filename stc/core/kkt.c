@@ -212,6 +212,12 @@ static int make_plan(kkt *s) {
 
 /* --- What callers call. */
 
+void kkt_restart(kkt *s) {
+    for (int32_t k = 0; k < s->size; k++) s->scale[k] = 1.0;
+    s->factorized = 0;
+    s->wasted = 0.0; /* another plan would have later solves differ from each other in their last digits */
+}
+
 kkt_options *kkt_options_of(kkt *s) { return &s->options; }
 
 const kkt_facts *kkt_facts_of(const kkt *s) { return &s->facts; }

@@ -82,6 +82,8 @@ typedef struct kkt kkt;
 /* NULL where there is no memory. */
 API kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays);
 API void kkt_free(kkt *system);
+/* Forget the scale of the last matrix, but not the plan: the same matrices have the same factors again. */
+API void kkt_restart(kkt *system);
 API kkt_options *kkt_options_of(kkt *system);
 API const kkt_facts *kkt_facts_of(const kkt *system);
 

@@ -127,6 +127,7 @@ def library(kind: str | None = None) -> ctypes.CDLL:
     for name, result, arguments in (
         ("kkt_new", ctypes.c_void_p, [ctypes.POINTER(Pattern), ctypes.POINTER(Arrays)]),
         ("kkt_free", None, [ctypes.c_void_p]),
+        ("kkt_restart", None, [ctypes.c_void_p]),
         ("kkt_options_of", ctypes.POINTER(Options), [ctypes.c_void_p]),
         ("kkt_facts_of", ctypes.POINTER(Facts), [ctypes.c_void_p]),
         ("kkt_refactor", ctypes.c_int64, [call]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import weakref
 
 import numpy as np
@@ -104,6 +105,7 @@ class MultifrontalKKT(ByCopies):
         if not system:
             raise MemoryError("there is no memory for a linear system of this size")
         weakref.finalize(self, lib.kkt_free, system).atexit = False
+        self._forget = functools.partial(lib.kkt_restart, system)
         self._options = lib.kkt_options_of(system).contents
         if part:
             self._options.refinements, self._options.stale = 0, STALE_OF_PART
@@ -116,6 +118,7 @@ class MultifrontalKKT(ByCopies):
 
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plan."""
+        self._forget()
         self._counted_before = self._facts.factorizations
         self._options.threshold, self._options.certain = THRESHOLD, NEVER
         self.last_residual = 0.0
