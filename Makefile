@@ -3,18 +3,19 @@
 #   make test    set up and run all tests
 #   make check   format, lint, types, import contracts, quick tests: what to run before a commit
 #   make docs    set up and build the site of docs/ in build/site
-#   make dist    build the wheel and the source distribution in dist/
+#   make dist    build the source distribution and the wheels for all platforms in dist/
 #   make bench   set up with the other tools, measure, and write the tables and plots of docs/benchmarks.md
 VENV ?= .venv
+WHEELS ?= manylinux2014_x86_64 manylinux2014_aarch64 macosx_11_0_arm64 win_amd64
 SPEC ?= luxo_jump
 BIN := $(VENV)/bin
 # The first Python on the path that is new enough.
-PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3.14 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
 RECIPE := pyproject.toml setup.py build_backend/backend.py $(wildcard stc/core/*.[ch] stc/core/*/*.[ch] stc/core/compiling.py)
 # A module's tests stay together: they share what it solves once.  A worker that dies is not replaced, since pytest-xdist
-# may wait for ever for one that is: what it had left to do is not run, and the run fails.
-PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile --max-worker-restart 0
+# may wait for ever for one that is: what it had left to do is not run, and the run fails.  Slow files come first.
+PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 
 .PHONY: run test check nightly format bench docs gallery dist check-dist tree clean
 
@@ -49,11 +50,14 @@ docs: $(VENV)/.ready-docs tree
 gallery: $(VENV)/.ready
 	$(BIN)/python -m bench.gallery
 
-# The wheel is built from the source distribution, which therefore lacks nothing.
+# Wheels are built from the source distribution, which therefore lacks nothing.  The core is compiled by the package
+# ziglang, for this machine and others.
 dist: $(VENV)/bin/python
 	rm -rf dist
 	$(BIN)/python -m pip install --quiet build
-	$(BIN)/python -m build --outdir dist
+	for platform in $(WHEELS); do \
+		STC_WHEEL_PLATFORM=$$platform $(BIN)/python -m build --outdir dist || exit 1; \
+	done
 
 # Installs them in new environments, one for each Python from 3.11 on that is here; some minutes.
 check-dist: dist
@@ -72,8 +76,9 @@ $(VENV)/.ready: $(RECIPE) | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
 
+# Not compiled ahead: most of what these packages hold is never imported.
 $(VENV)/.ready-dev: $(RECIPE) | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[dev]'
 	touch $(VENV)/.ready $@
 
 $(VENV)/.ready-docs: $(RECIPE) | $(VENV)/bin/python

@@ -9,6 +9,8 @@ from setuptools import Distribution, find_packages, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_py import build_py
 
+HERE = Path(__file__).resolve().parent  # where a checkout keeps what it has compiled
+COMPILING = runpy.run_path(str(HERE / "stc/core/compiling.py"))
 FOLDERS = {"stc": "stc", "stc.validate": "validate", "stc.models": "models", "stc.specs": "specs"}
 
 
@@ -17,11 +19,10 @@ class BuildWithCore(build_py):
 
     def run(self) -> None:
         super().run()
-        here = Path(__file__).parent
-        root = here if self.editable_mode else Path(self.build_lib)
-        compiling = runpy.run_path(str(here / "stc/core/compiling.py"))
+        root = HERE if self.editable_mode else Path(self.build_lib)
+        scratch = HERE / "build/core" / (COMPILING["wanted_platform"]() or "")
         try:
-            compiling["compile_libraries"](root.resolve() / "stc/core", here / "build/core")
+            COMPILING["compile_libraries"](root.resolve() / "stc/core", scratch)
         except (RuntimeError, OSError) as error:
             sys.exit(
                 f"{error}\nThe numerical core of this package is C, and could not be compiled. It needs a C compiler "
@@ -41,7 +42,7 @@ class PlatformWheel(bdist_wheel):
     """One wheel a platform, for all versions of Python: the core is loaded through ctypes."""
 
     def get_tag(self) -> tuple[str, str, str]:
-        return "py3", "none", super().get_tag()[2]
+        return "py3", "none", COMPILING["wanted_platform"]() or super().get_tag()[2]
 
 
 setup(

@@ -225,13 +225,13 @@ PATCHES: dict[str, list[tuple[str, str, Any]]] = {
     ],
     "convex_shift": [("step.c", "SHARE", 1e300)],
     "lengthen": [("line_search.c", "LONGER", 1.0)],
-    "short_no_reduction": [("workspace", "SHORT", 0.0)],
-    "damped": [("newton_system", "UNKNOWN", 0.0)],
+    "short_no_reduction": [("step.c", "SHORT_STEP", 0.0)],
+    "damped": [("newton_system", "UNKNOWN", 0)],
     "untried": [("inertia_correction.c", "MOST_UNTRIED", 0)],
     "coarse_solves": [("inertia_correction.c", "SMALL_VIOLATION", 1e300)],
     "stiffen": [("interior", "SHORT", 0.0)],
     "short_steps": [("progress.c", "MOST_SHORT_STEPS", 10**9)],
-    "traub": [("projection.c", "CORRECTIONS", 0)],
+    "traub": [("active_set.c", "CORRECTIONS", 0)],
     "second_order_correction": [("line_search.c", "MOST_CORRECTIONS", 0)],
     "finish": [("active_set", "NEAR", 0.0)],
     "by_gaps": [("formulation", "MANY_GAPS", 10**9)],
@@ -281,7 +281,7 @@ def core_with(numbers: list[tuple[str, str, Any]]) -> Path:
     shutil.copytree(ROOT / "stc" / "core", core, ignore=shutil.ignore_patterns("libcore_*", "__pycache__"))
     for file, name, value in numbers:
         path = core / "iteration" / file
-        pattern = rf"(?P<before>^#define {name} |^ +{name} = )[^\s,]+"
+        pattern = rf"(?P<before>^#define {name} |\b{name} = )[^\s,;}}]+"
         text, found = re.subn(pattern, rf"\g<before>{value!r}", path.read_text(), flags=re.MULTILINE)
         if not found:  # it comes from a header, and is another one in this file alone
             last = text.index("\n", text.rindex("#include")) + 1

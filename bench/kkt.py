@@ -37,7 +37,7 @@ from numpy.typing import NDArray  # noqa: E402
 
 import stc  # noqa: E402
 from stc.solver import Options, minimize  # noqa: E402
-from stc.solver.kkt import FrontalKKT, Inertia, structured_kkt  # noqa: E402
+from stc.solver.kkt import Inertia, MultifrontalKKT, structured_kkt  # noqa: E402
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))
 from bench.peers.problems import constants_of, spec_of  # noqa: E402
@@ -69,13 +69,13 @@ class System:
         return n + m, keys // (n + m), keys % (n + m), values
 
 
-class Recorder(FrontalKKT):
+class Recorder(MultifrontalKKT):
     """Remembers the last matrix of the inertia that a descent direction needs."""
 
     seen: tuple[Any, ...] = ()
 
     def __init__(self, *pattern: Any) -> None:
-        super().__init__(*pattern[:-1])  # which rows are equations is for the elimination around it
+        super().__init__(*pattern)
         self._arguments = pattern
 
     @property

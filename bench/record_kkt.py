@@ -33,7 +33,7 @@ from scipy.sparse.linalg import splu
 
 import stc
 from stc.solver import Options, minimize
-from stc.solver.kkt import FrontalKKT, Inertia
+from stc.solver.kkt import Inertia, MultifrontalKKT
 
 MOTIONS = (
     "quadruped_hop",
@@ -47,14 +47,14 @@ MOTIONS = (
 Floats = NDArray[np.float64]
 
 
-class Recorder(FrontalKKT):
+class Recorder(MultifrontalKKT):
     """Keeps each matrix of the inertia that a descent direction needs, with the first system solved with it."""
 
     systems: list[dict[str, Any]] = []
     last: Recorder
 
     def __init__(self, *pattern: Any) -> None:
-        super().__init__(*pattern[:-1])  # which rows are equations is for the elimination around it
+        super().__init__(*pattern)
         self._entries = dict(
             zip(("jac_rows", "jac_cols", "hess_rows", "hess_cols"), pattern[2:6], strict=True)
         )

@@ -24,7 +24,8 @@ def _compiling() -> Any:
 
 
 def _compiler() -> list[str]:
-    return [] if _compiling().own_compiler() else [COMPILER]
+    compiling = _compiling()
+    return [COMPILER] if compiling.wanted_platform() or not compiling.own_compiler() else []
 
 
 def get_requires_for_build_wheel(config_settings: Any = None) -> list[str]:

@@ -9,6 +9,7 @@ here, pip is asked whether everything that is depended on has wheels for it.
 
 from __future__ import annotations
 
+import platform
 import shutil
 import subprocess
 import sys
@@ -28,7 +29,7 @@ COMMANDS = (
 
 def main(folder: Path) -> int:
     """Try everything; 0 if all went well."""
-    (wheel,) = folder.resolve().glob("*.whl")
+    (wheel,) = folder.resolve().glob(f"*linux*_{platform.machine()}.whl")
     (source,) = folder.resolve().glob("*.tar.gz")
     pythons = {version: python for version in VERSIONS if (python := _python(version))}
     failed = 0

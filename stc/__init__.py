@@ -18,6 +18,8 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from stc.version import __version__
+
 if TYPE_CHECKING:
     from stc.errors import (
         Diagnostic,
@@ -31,8 +33,6 @@ if TYPE_CHECKING:
     from stc.pipeline import Model, load
     from stc.solution import Solution, read
     from stc.sweeps import sweep
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Diagnostic",

@@ -152,7 +152,8 @@ def _more_frames(solution: Solution, metrics: Sequence[Metric]) -> str:
         finer = spread.multiplied(_times(solution.method, metrics))
         more = " ".join(f"--set {name}={value:.15g}" for name, value in finer.items())
     except UsageError as reason:
-        return f"the spec has to be changed for that, since {reason.message}"
+        hint = f" ({reason.hint})" if reason.hint else ""
+        return f"the spec has to be changed for that, since {reason.message}{hint}"
     except StcError:
         return ""
     return f"{more}, or {_until_verified(solution, model)}, which adds them until MuJoCo agrees"

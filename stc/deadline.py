@@ -20,7 +20,7 @@ from pathlib import Path
 
 from stc.errors import EndedError
 
-__all__ = ["begin", "left", "look", "process_began", "spent", "unlimited", "until", "within"]
+__all__ = ["begin", "left", "look", "process_began", "spent", "unlimited", "until", "using", "within"]
 
 #: Whether all work of this process is asked to stop; the command line says so.
 asked_to_stop = False
@@ -30,6 +30,10 @@ _until: ContextVar[float] = ContextVar("until", default=math.inf)
 
 #: Seconds that work may be late that has not led to a motion yet, but soon may.
 LATE = 0.1
+
+
+#: The end of this thread's processor time, on the clock of ``time.thread_time``.
+_spent: ContextVar[float] = ContextVar("spent", default=math.inf)
 
 
 _unlimited: ContextVar[bool] = ContextVar("unlimited", default=False)
@@ -65,6 +69,19 @@ def spent(seconds: float) -> Callable[[object], bool]:
 
 
 @contextmanager
+def using(seconds: float) -> Iterator[None]:
+    """A context with a limit of processor time in seconds for what is done before a solve; see :func:`spent` for that.
+
+    :func:`look` raises where it is up.
+    """
+    token = _spent.set(min(_spent.get(), time.thread_time() + seconds))
+    try:
+        yield
+    finally:
+        _spent.reset(token)
+
+
+@contextmanager
 def unlimited() -> Iterator[None]:
     """A context in which :func:`look` never raises, to save the result when the time is up."""
     token = _unlimited.set(True)
@@ -89,7 +106,7 @@ def look() -> None:
         return
     if asked_to_stop:
         raise EndedError("interrupted", "interrupted")
-    if time.perf_counter() > _until.get() + LATE:
+    if time.perf_counter() > _until.get() + LATE or time.thread_time() > _spent.get():
         raise EndedError("the time limit was reached before there was a motion to save", "time_limit")
 
 

@@ -21,6 +21,7 @@ from stc.errors import SolutionError, StcError, UsageError
 from stc.recorded_files import RecordedFile
 from stc.records import dataclass, field
 from stc.trajectory import METHODS, Channel, FloatArray, IntArray, Places, places, places_by_index, sample
+from stc.version import __version__
 
 Side = Literal["before", "after"]
 Path = str | os.PathLike[str]
@@ -263,7 +264,7 @@ class Solution:
         self.iterations, self.factorizations = int(self.iterations), int(self.factorizations)
         self.sha256 = sha256(self.source.encode()).hexdigest()
         if not self.stc_version:
-            self.stc_version = _version()
+            self.stc_version = __version__
         if self.force_frames is None:
             self.force_frames = self._frames_with_forces()
 
@@ -592,9 +593,7 @@ class Solution:
         OSError
             The file cannot be written.
         """
-        from stc.solution_file import write
-
-        write(self, path)
+        import_module("stc.solution_file").write(self, path)
 
 
 def read(path: Path) -> Solution:
@@ -659,9 +658,3 @@ def _key(name: object) -> tuple[str, int]:
     text = str(name)
     base = text.rstrip("'")
     return base, len(text) - len(base)
-
-
-def _version() -> str:
-    from stc import __version__
-
-    return __version__

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from stc.language import syntax
 from stc.language.model.scope import ModelScope, coordinates_of, path_of
 from stc.language.model.surfaces import floor
+from stc.mechanism.forces import Wrench
 from stc.mechanism.mechanism import Geom, Mechanism
 from stc.mechanism.tree import rotation
-from stc.mechanism.vectors import vector
+from stc.mechanism.vectors import Vector, vector
 from stc.problem import ConstantRef, VariableRef
 from stc.records import dataclass
-from stc.symbolic.expr import Expr, evaluate_all
+from stc.symbolic.expr import Expr, evaluate_all, mul, num, sum_of, sym, symbols
 
 Matrix = NDArray[np.float64]
 
@@ -43,6 +44,10 @@ _MARGIN = 0.1
 _ROUNDS, _TURNS = 50, 4
 #: The step of differences by which the pose is found, and the largest one of a joint in a round, in m or rad.
 _STEP, _FAR = 1e-6, 0.2
+#: The corners of the square around the cone of friction.
+_CORNERS = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
+#: Forces balance to this share of the weight, with levers of 1 m.
+_BALANCE, _TINY = 1e-3, 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,13 +147,15 @@ class Stance:
                 resists = path_of("geom", geom.name) if geom.condim > 3 and geom.name else ""
                 yield Spot(geom.body, (x, y, z), radius, friction, written or place + ball, resists)
 
-    def lowest(self, near: float) -> list[Spot]:
+    def lowest(self, near: float, whole: bool = False) -> list[Spot]:
         """The lowest points in the given pose, on bodies that carry no other body with such points.
 
         Parameters
         ----------
         near
             How far above the lowest of all that of another body may be, in m.
+        whole
+            Whether a body and those that it carries are one foot, as are a heel and its toes.
         """
         if not self.spots:
             return []
@@ -161,12 +168,16 @@ class Stance:
         found = {
             spot.written: spot
             for spot, height in zip(self.spots, heights, strict=True)
-            if height < min(least[spot.body] + _SOLE, bottom + near)
+            if height < min(math.inf if whole else least[spot.body] + _SOLE, bottom + near)
         }
         carry = {above for spot in found.values() for above in self._above(spot.body)}
+        touching = {spot.body for spot in found.values()}
         by_body: dict[int, list[Spot]] = {}
         for spot in found.values():
-            if spot.body not in carry:
+            if whole:
+                *_, heel = spot.body, *[body for body in self._above(spot.body) if body in touching]
+                by_body.setdefault(heel, []).append(spot)
+            elif spot.body not in carry:
                 by_body.setdefault(spot.body, []).append(spot)
         feet = [self._three(spots) for spots in by_body.values()]
         if not self._reach(feet):
@@ -254,16 +265,87 @@ class Stance:
 
     def balances(self, spots: Sequence[Spot]) -> bool:
         """Whether the given pose stands on some points without changes."""
-        places, centre = self.seen(self.start[:, None], spots)
+        pushed = [place for spot in spots for place in self._pushed(spot)]
+        places, centre = self.seen(self.start[:, None], pushed)
         heights = self.up @ places[:, :, 0]
         flat = self._flat(places[:, :, 0])
         return bool(np.ptp(heights) < 1e-3 and _encloses(flat, self._flat(centre)[:, 0]))
 
-    def _flat(self, places: Matrix) -> Matrix:
-        """(2, k) points projected to the floor."""
+    def holds(self, q: Matrix, spots: Sequence[Spot]) -> bool:
+        """Whether the model's motors can hold a pose at rest, (nq,), on some points that push and do not slip.
+
+        The friction of a point is the square around its cone.  Limits of forces and torques are not looked at, so that
+        an answer of no is certain; where equality constraints or states of actuators take part the answer is yes.
+
+        Source: the weight, the springs, the controls within their ranges and the forces of the points balance, as
+        linear least squares with bounds.
+        """
+        from scipy.optimize import lsq_linear
+
+        mechanism, scope = self.mechanism, self.scope
+        if any(each.active for each in mechanism.equalities) or scope.activations:
+            return True
+        known: dict[object, object] = {
+            ConstantRef(name): value for name, value in self.scope.constants.items()
+        }
+        known.update(zip(self._keys, q, strict=True))
+        across = self._sides()
+        pushes: list[VariableRef] = []
+        wrenches = []
+        for place in (place for spot in spots for place in self._pushed(spot)):
+            ways = [self.up + place.friction * (a * across[0] + b * across[1]) for a, b in _CORNERS]
+            own = [VariableRef(f"push {len(pushes) + k}") for k in range(len(ways))]
+            arm = -place.radius * self.up  # a ball is pushed at its lowest point
+            arms = [np.cross(arm, way) for way in ways]
+            force, torque = (_combined(each, own) for each in (ways, arms))
+            pushes += own
+            wrenches.append(Wrench(scope.dynamics.tree.frame(place.body, vector(place.at)), force, torque))
+        inputs: list[object] = [*map(VariableRef, scope.controls), *pushes]
+        low, high = [0.0] * len(inputs), [math.inf] * len(inputs)
+        for actuator in mechanism.actuators:
+            for index, ends in zip(actuator.controls, actuator.control_ranges, strict=True):
+                low[index], high[index] = ends or (-math.inf, math.inf)
+        residual = scope.dynamics.residual(wrenches)
+        known.update(zip(inputs, np.eye(len(inputs), len(inputs) + 1, 1), strict=True))
+        known.update({key: 0.0 for e in residual for key in symbols(e) if key not in known})
+        values = np.array(
+            [np.broadcast_to(value, len(inputs) + 1) for value in evaluate_all(residual, known)]
+        )
+        slopes = values[:, 1:] - values[:, :1]
+        rubbing = [
+            (dof, joint.frictionloss)
+            for joint in mechanism.joints
+            for dof in joint.dofs
+            if joint.frictionloss
+        ]
+        for dof, most in rubbing:
+            slopes = np.column_stack([slopes, np.eye(len(residual))[dof]])
+            low.append(-most)
+            high.append(most)
+        if not np.isfinite(values).all():
+            return True
+        upper = np.maximum(high, np.array(low) + _TINY)
+        found = lsq_linear(slopes, -values[:, 0], (low, upper), tol=1e-12)
+        return bool(np.linalg.norm(found.fun) <= _BALANCE * max(scope.weight, _TINY))
+
+    def _pushed(self, spot: Spot) -> list[Spot]:
+        """Where the floor pushes a spot: at all corners if it is a sole."""
+        for geom in self.mechanism.geoms:
+            if geom.name and spot.written == f"foot({path_of('geom', geom.name)})":
+                size, turn = np.array(geom.size), rotation(geom.quat)
+                corners = [np.array(geom.pos) + turn @ (size * (a, b, -1.0)) for a, b in _CORNERS]
+                return [Spot(spot.body, (x, y, z), 0.0, spot.friction, "") for x, y, z in corners]
+        return [spot]
+
+    def _sides(self) -> tuple[Matrix, Matrix]:
+        """Two axes of the floor, at a right angle."""
         side = np.cross(self.up, [0.0, 1.0, 0.0] if abs(self.up[1]) < 0.9 else [1.0, 0.0, 0.0])
         side = side / np.linalg.norm(side)
-        return np.array([side, np.cross(self.up, side)]) @ places
+        return side, np.cross(self.up, side)
+
+    def _flat(self, places: Matrix) -> Matrix:
+        """(2, k) points projected to the floor."""
+        return np.array(self._sides()) @ places
 
     def balanced(self, spots: Sequence[Spot]) -> Matrix | None:
         """A pose that balances on some points, (nq,); None if none is found.
@@ -289,17 +371,17 @@ class Stance:
             q[moving] = np.clip(q[moving] + step, low, high)
         return None
 
-    def standing(self, near: float) -> tuple[Matrix | None, list[Spot]]:
+    def standing(self, near: float, whole: bool = False) -> tuple[Matrix | None, list[Spot]]:
         """A pose that balances on what is lowest in it, (nq,), and these places; None where none is found.
 
         As legs bend other places of a foot become the lowest, so that both are found in turn.
 
         Parameters
         ----------
-        near
+        near, whole
             As of :meth:`lowest`.
         """
-        stance, spots = self, self.lowest(near)
+        stance, spots = self, self.lowest(near, whole)
         for _ in range(_TURNS):
             q = stance.balanced(spots)
             if q is None:
@@ -307,7 +389,7 @@ class Stance:
             stance = copy(self)
             stance.start = q
             stance.spots = list(stance._spots())
-            before, spots = spots, stance.lowest(near)
+            before, spots = spots, stance.lowest(near, whole)
             if [spot.written for spot in spots] == [spot.written for spot in before]:
                 break
         return q, before
@@ -340,6 +422,14 @@ class Stance:
                 if bodies[body].parent:
                     found |= set(bodies[body].joints)
         return [k for k in sorted(found) if self.mechanism.joints[k].kind in ("hinge", "slide")]
+
+
+def _combined(ways: Sequence[Matrix], by: Sequence[VariableRef]) -> Vector:
+    """The sum of constant vectors, each times an unknown."""
+    x, y, z = (
+        sum_of([mul(num(way[i]), sym(key)) for way, key in zip(ways, by, strict=True)]) for i in range(3)
+    )
+    return x, y, z
 
 
 def _encloses(places: Matrix, point: Matrix) -> bool:

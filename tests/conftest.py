@@ -2,18 +2,24 @@
 
 Property tests draw the same examples on every run, without a deadline.  A test that cannot run without something
 that a bare machine lacks says so, as in ``@pytest.mark.needs("opengl")``, and is skipped there with the reason.
+Matrix products run on one thread: the threads of several test processes would wait for one another, busily.
 """
 
 from __future__ import annotations
 
 import ctypes
 import functools
+import gc
 import os
 import sys
+from collections import Counter
 
 import pytest
 from hypothesis import settings
 
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # read when NumPy is imported, here and in programs that tests start
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None, max_examples=50)
 settings.load_profile("repeatable")
 
@@ -57,6 +63,18 @@ def _without_terminal() -> str:
 @functools.cache
 def _lacking(need: str) -> str:
     return {"opengl": _without_opengl, "terminal": _without_terminal}[need]()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The files with most slow tests come first, so that no processor is left with one of them at the end."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: -slow[item.path])  # stable
+
+
+def pytest_collection_finish() -> None:
+    """Searches for unreachable cycles leave out the thousands of tests, which stay to the end."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)  # before the test's fixtures are made

@@ -214,6 +214,9 @@ def test_the_model_of_ones_own_is_what_its_spec_says(
     (spec,) = blocks("docs/own_model.md")
     (tmp_path / "rod.xml").write_text(model)
     (tmp_path / "rod.stc").write_text(spec)
+    (shortest,) = blocks("docs/own_model.md", "text")
+    (tmp_path / "up.stc").write_text(shortest)
+    assert run(["run", "up.stc"]) == 0
     for words in commands("docs/own_model.md", renders):
         assert run(words) == 0, words
 

@@ -104,3 +104,31 @@ def test_subpackages_are_found_beside_the_package_in_a_checkout() -> None:
         check=False,
     )
     assert "particle_waypoints" in done.stdout, done.stderr
+
+
+@pytest.mark.parametrize(("name", "platform"), compiling.PLATFORMS.items())
+def test_a_wheel_for_another_platform_is_compiled_for_its_processors(
+    name: str, platform: compiling.Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the headers of the libraries, as the loaders of these systems read them."""
+    if importlib.util.find_spec("ziglang") is None:
+        pytest.skip("the compiler for other platforms, ziglang, is not installed")
+    monkeypatch.setenv(compiling.WANTED, name)
+    compiling.compile_libraries(tmp_path / "made", tmp_path / "scratch", kinds=["baseline"])
+    library = (tmp_path / "made" / compiling.file_of("baseline", platform)).read_bytes()
+    if platform.suffix == "so":  # ELF: the machine, 62 for x86-64 and 183 for arm64
+        assert library[:4] == b"\x7fELF"
+        assert int.from_bytes(library[18:20], "little") == (62 if platform.x86 else 183)
+    elif platform.suffix == "dylib":  # Mach-O, 64 bits: the processor, arm64
+        assert library[:4] == b"\xcf\xfa\xed\xfe"
+        assert int.from_bytes(library[4:8], "little") == 0x0100000C
+    else:  # PE: its header's place is at 60, and the machine follows the signature
+        place = int.from_bytes(library[60:64], "little")
+        assert library[place : place + 4] == b"PE\0\0"
+        assert int.from_bytes(library[place + 4 : place + 6], "little") == 0x8664
+
+
+def test_a_wheel_for_an_unknown_platform_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(compiling.WANTED, "amiga")
+    with pytest.raises(RuntimeError, match="'amiga'; known platforms: manylinux2014_x86_64"):
+        compiling.wanted_platform()

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.validate import limits
+from stc.validate.contact_meter import can_touch
 from stc.validate.metrics import FloatArray, Metric, root_mean_square
 from stc.validate.ties import Coordinate
 from stc.validate.transmissions import driven_dofs
 
 if TYPE_CHECKING:
-    import mujoco
-
     from stc.validate.contact_forces import ContactForces
     from stc.validate.replay import Replay
     from stc.validate.setup import Setup
@@ -134,27 +133,6 @@ def missing_contacts(setup: Setup) -> list[Metric]:
     if can_touch(setup.compiled) or all(line.path[0] == "joint" for line in setup.contact.lines):
         return []
     return [Metric("contacts that the model can have", "pairs of geoms", 0.0, "", 1.0, at_least=True)]
-
-
-def can_touch(model: mujoco.MjModel) -> bool:
-    """Whether any two geoms of a model can come into contact, in any pose."""
-    import mujoco
-
-    flags = mujoco.mjtDisableBit
-    if model.opt.disableflags & int(flags.mjDSBL_CONTACT):
-        return False
-    if model.npair:
-        return True
-    types, affinities = model.geom_contype, model.geom_conaffinity
-    meets = (types[:, None] & affinities[None, :]) | (types[None, :] & affinities[:, None])
-    # What is welded together does not touch, nor does a body the one that it hangs on, the world excepted.
-    welded = model.body_weldid[model.geom_bodyid]
-    apart = welded[:, None] != welded[None, :]
-    if not model.opt.disableflags & int(flags.mjDSBL_FILTERPARENT):
-        parents = model.body_weldid[model.body_parentid[welded]]
-        hangs = (parents[:, None] == welded[None, :]) & (welded[None, :] != 0)
-        apart &= ~(hangs | hangs.T)
-    return bool(np.any((meets != 0) & apart))
 
 
 def friction_note(setup: Setup) -> str:

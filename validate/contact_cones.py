@@ -13,7 +13,7 @@ import numpy as np
 
 from stc.validate import limits
 from stc.validate.cones import TouchingModel, cone_edges, left_over
-from stc.validate.contact import can_touch
+from stc.validate.contact_meter import can_touch
 from stc.validate.contact_nodes import Node, nodes_of, pose
 from stc.validate.equalities import Equalities
 

@@ -41,6 +41,27 @@ def touchable(model: mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
+def can_touch(model: mujoco.MjModel) -> bool:
+    """Whether any two geoms of a model can come into contact, in any pose."""
+    import mujoco
+
+    flags = mujoco.mjtDisableBit
+    if model.opt.disableflags & int(flags.mjDSBL_CONTACT):
+        return False
+    if model.npair:
+        return True
+    types, affinities = model.geom_contype, model.geom_conaffinity
+    meets = (types[:, None] & affinities[None, :]) | (types[None, :] & affinities[:, None])
+    # What is welded together does not touch, nor does a body the one that it hangs on, the world excepted.
+    welded = model.body_weldid[model.geom_bodyid]
+    apart = welded[:, None] != welded[None, :]
+    if not model.opt.disableflags & int(flags.mjDSBL_FILTERPARENT):
+        parents = model.body_weldid[model.body_parentid[welded]]
+        hangs = (parents[:, None] == welded[None, :]) & (welded[None, :] != 0)
+        apart &= ~(hangs | hangs.T)
+    return bool(np.any((meets != 0) & apart))
+
+
 def touching(
     model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]
 ) -> Iterator[tuple[int, FloatArray, float]]:

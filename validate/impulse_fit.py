@@ -15,8 +15,7 @@ import numpy as np
 
 from stc.validate import limits
 from stc.validate.cones import TouchingModel, cone_edges, left_over
-from stc.validate.contact import can_touch
-from stc.validate.contact_meter import TOUCHES
+from stc.validate.contact_meter import TOUCHES, can_touch
 from stc.validate.equalities import Equalities, constraint_rows
 
 if TYPE_CHECKING:

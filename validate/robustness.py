@@ -127,7 +127,7 @@ class Robustness:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON takes it."""
+        """The envelopes of all kinds of perturbation as a dictionary for JSON."""
         return {
             "spec": self.spec,
             "base_unit": self.base_unit,

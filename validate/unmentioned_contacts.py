@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.records import dataclass
-from stc.validate.contact import can_touch
-from stc.validate.contact_meter import contact_jacobian, touchable
+from stc.validate.contact_meter import can_touch, contact_jacobian, touchable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

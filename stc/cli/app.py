@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 from typer.models import CommandInfo
 
-from stc import __version__
 from stc.cli import editor, explaining, exports, jobs, perturbed, pictures, steering, studies, sweeping
 from stc.cli import view as viewing
 from stc.cli.options import solve_options, writable_page
@@ -35,6 +34,7 @@ from stc.cli.parameters import (
     Spec,
     SpecOrSolution,
     Starts,
+    StartWorkers,
     Table,
     Threads,
     TimeLimit,
@@ -43,6 +43,7 @@ from stc.cli.parameters import (
     WarmStart,
 )
 from stc.errors import UsageError
+from stc.version import __version__
 
 app = typer.Typer(
     help="Solve for an optimal motion, stated as constraints and an objective, and validate it in MuJoCo.",
@@ -95,6 +96,7 @@ def solve(
     walk: Continue = None,
     starts: Starts = None,
     seed: Seed = None,
+    workers: StartWorkers = None,
     refine: Refine = None,
     output: Output = None,
     explain: Explain = False,
@@ -122,6 +124,7 @@ def solve(
         profile=profile,
         direct=direct,
         threads=threads,
+        workers=workers,
     )
     return jobs.solve(spec, options, as_json=json)
 
@@ -140,6 +143,7 @@ def run(
     walk: Continue = None,
     starts: Starts = None,
     seed: Seed = None,
+    workers: StartWorkers = None,
     refine: Refine = None,
     until: UntilVerified = None,
     direct: Direct = False,
@@ -168,6 +172,7 @@ def run(
         until=until,
         direct=direct,
         threads=threads,
+        workers=workers,
     )
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, table=table, as_json=json)
@@ -538,10 +543,16 @@ def explain_motion(
             "-o", "--output", metavar="FILE", help="The spec to write; default MOTION_explained.stc."
         ),
     ] = None,
+    search_time: Annotated[
+        float,
+        typer.Option(
+            "--search-time", metavar="SECONDS", help="Time for the search for weights; default 600."
+        ),
+    ] = 600.0,
     json: Json = False,
 ) -> int:
     """Propose a short spec whose solution is close to a recorded motion: contacts, ends, and what it wants least of."""
-    return explaining.run(motion, model, output, as_json=json)
+    return explaining.run(motion, model, output, search_time=search_time, as_json=json)
 
 
 @app.command()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from stc.explaining import Explanation
 
 
-def run(motion: str, model: str, output: str | None, *, as_json: bool) -> int:
+def run(motion: str, model: str, output: str | None, *, search_time: float, as_json: bool) -> int:
     """Explain a motion, save the spec and its solution, and say how close it comes; good where it is explained.
 
     Raises
@@ -29,6 +29,8 @@ def run(motion: str, model: str, output: str | None, *, as_json: bool) -> int:
     from stc.cli.model_files import find
     from stc.explaining import explain
 
+    if not search_time > 0:
+        raise UsageError(f"--search-time must be a positive number of seconds, not {search_time:g}")
     source, found = Path(motion), find(model)
     path = Path(output or f"{source.stem}_explained.stc")
     if path.suffix != ".stc":
@@ -42,7 +44,9 @@ def run(motion: str, model: str, output: str | None, *, as_json: bool) -> int:
             line.show(f"{path.stem}  {words}")
 
     written = Path(model) if Path(model).is_file() else found
-    explanation = explain(source, written, name=path.stem, folder=path.parent, on_stage=stage)
+    explanation = explain(
+        source, written, name=path.stem, folder=path.parent, time_limit=search_time, on_stage=stage
+    )
     line.close()
     files = explanation.save(path)
     # What is judged is the spec as it was written, where it was written.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import shlex
+import time
 from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,20 +19,23 @@ from stc import pipeline
 from stc.bundled import with_text
 from stc.cli.model_files import find
 from stc.cli.trees import objects
-from stc.deadline import spent
-from stc.errors import Source, StcError, UsageError
+from stc.deadline import spent, using
+from stc.errors import EndedError, Source, StcError, UsageError
 from stc.language.model.scope import path_of, quoted
 from stc.mechanism.mechanism import Mechanism
 from stc.mechanism.read import ModelFileError, read_model
 from stc.mechanism.refusals import refusals, without
 from stc.model_source import ADDITIONS
 from stc.records import dataclass
-from stc.stance import Spot, Stance
+from stc.stance import Matrix, Spot, Stance
 
 #: Places of contact that are this much above the lowest one, in m, stand in the same pose; if legs may bend, these.
 _LEVEL, _NEAR = 1e-3, 0.1
 #: Limits of a trial solve, in processor time: a page to start from is an easy one.
 _ITERATIONS, _SECONDS = 200, 20.0
+#: For all pages together on which a model stands or holds its pose, after which it is let go; and the share of these
+#: that is worth another trial.
+_SECONDS_TO_HOLD, _LEAST = 30.0, 0.1
 #: Contacts that take back slower than this what they give way by, in s, are made as stiff as this in the replay: the
 #: motion is that of rigid ones.
 _STIFF = 5e-4
@@ -109,13 +113,22 @@ def starter(name: str, path: Path) -> str:
         raise UsageError(f"the model `{name}` has no joints: there is nothing to move")
     model = f'"{_written(name, path)}"{words}'
     solved = text = ""
-    for page in _pages(mechanism):
-        text = _text(page, mechanism, path, name, model)
-        fate = _tried(text, path)
-        if not fate:
-            return text
-        if fate != _UNSOLVED:
-            solved = solved or f"# The solve ends optimal, and the motion fails in MuJoCo: {fate}.\n{text}"
+    for pages, seconds in ((_that_hold, _SECONDS_TO_HOLD), (_that_let_go, _SECONDS)):
+        end = time.thread_time() + seconds
+        for page in pages(mechanism):
+            left = min(_SECONDS, end - time.thread_time())
+            if text and left < _LEAST * seconds:
+                break
+            text = _text(page, mechanism, path, name, model)
+            fate = _tried(text, path, left)
+            if not fate:
+                return text
+            if fate == _LARGE and left == _SECONDS:
+                return solved or _LARGE.format(seconds=_SECONDS) + text
+            if fate not in (_UNSOLVED, _LARGE):
+                solved = (
+                    solved or f"# The solve ends optimal, and the motion fails in MuJoCo: {fate}.\n{text}"
+                )
     return solved or f"# Within {_SECONDS:g} s of processor time it was not solved.\n{text}"
 
 
@@ -149,15 +162,36 @@ def _has_legs(file: Path) -> bool:
 
 #: What becomes of a page that is not solved.
 _UNSOLVED = "not solved"
+#: What stands above a page whose solve did not even begin; another page of the model would take as long.
+_LARGE = """\
+# This page was not tried: the model is large, and to derive its equations takes longer than the {seconds:g} s of
+# processor time that `stc new` gives a page.  `stc run` has no such limit.
+"""
 
 
-def _tried(text: str, path: Path) -> str:
-    """Solve and validate a spec: "" if it passes, otherwise the reason of the failure."""
+def _tried(text: str, path: Path, seconds: float) -> str:
+    """Solve and validate a spec: "" if it passes, otherwise the reason of the failure.
+
+    Parameters
+    ----------
+    seconds
+        Of processor time, before the validation.
+    """
     from stc.certification import certify
 
+    end = spent(seconds)
     try:
-        model = pipeline.Model(with_text(Source(path.stem, text, str(path))))
-        solution = model.solve(max_iterations=_ITERATIONS, callback=spent(_SECONDS))
+        with using(seconds):
+            model = pipeline.Model(with_text(Source(path.stem, text, str(path))))
+            model.transcription()
+    except EndedError as error:
+        if error.status == "interrupted":
+            raise
+        return _LARGE
+    except StcError:
+        return _UNSOLVED
+    try:
+        solution = model.solve(max_iterations=_ITERATIONS, callback=end)
         if solution.status != "optimal":
             return _UNSOLVED
         certificate = certify(solution, equations=False)
@@ -166,13 +200,16 @@ def _tried(text: str, path: Path) -> str:
     return "" if certificate.passed else certificate.headline
 
 
-def _pages(mechanism: Mechanism) -> Iterator[_Page]:
-    """Pages from the most to the least that can be asked of a model."""
-    pages = [_Pages(mechanism, pose, q) for pose, q in _poses(mechanism).items()]
-    for each in pages:
-        yield from each.that_hold()
-    for each in pages:
-        yield from each.that_let_go()
+def _that_hold(mechanism: Mechanism) -> Iterator[_Page]:
+    """Pages on which the model stands, or holds its pose, from the most to the least that can be asked of it."""
+    for pose, q in _poses(mechanism).items():
+        yield from _Pages(mechanism, pose, q).that_hold()
+
+
+def _that_let_go(mechanism: Mechanism) -> Iterator[_Page]:
+    """Pages on which the model is left to itself."""
+    for pose, q in _poses(mechanism).items():
+        yield from _Pages(mechanism, pose, q).that_let_go()
 
 
 class _Pages:
@@ -210,16 +247,24 @@ class _Pages:
                 yield self._page("holds a pose with the least effort", 0.1)
         elif mechanism.actuators and "contact" not in mechanism.options.disabled:
             level = stance.lowest(_LEVEL)
-            if len(level) > 1 and stance.balances(level):
+            if level and stance.balances(level) and stance.holds(stance.start, level):
                 yield self._standing("stands still", level, inside)
-            balanced, near = stance.standing(_NEAR)
-            if balanced is not None:
+            balanced, near = self._balanced()
+            if balanced is not None and stance.holds(balanced, near):
                 yield self._standing("stands still", near, stance.changes(balanced))
             if near and not self.held:
                 begin = stance.changes(stance.bent() if balanced is None else balanced)
                 yield self._standing(
                     "stands in a pose that takes the least effort", near, begin, pinned=False
                 )
+
+    def _balanced(self) -> tuple[Matrix | None, Sequence[Spot]]:
+        """A pose that balances, (nq,), and what stands: toes, or whole feet if the motors only hold it on those."""
+        found = self.stance.standing(_NEAR)
+        for q, spots in (found, self.stance.standing(_NEAR, whole=True)):
+            if q is not None and self.stance.holds(q, spots):
+                return q, spots
+        return found
 
     def that_let_go(self) -> Iterator[_Page]:
         """Pages on which the model is left to itself for a moment."""
@@ -241,12 +286,22 @@ def _held(mechanism: Mechanism, loose: Container[int]) -> Sequence[str]:
 
 
 def _travels(mechanism: Mechanism, loose: Container[int]) -> bool:
-    """Whether a body that hangs on the world, and is none of the loose ones, can be moved up and down."""
+    """Whether a body that hangs on the world, and is none of the loose ones, can go up and down without a motor that
+    lifts it.
+    """
+    driven = {
+        actuator.target
+        for actuator in mechanism.actuators
+        if actuator.enabled and actuator.transmission in ("joint", "jointinparent")
+    }
     return any(
         mechanism.bodies[joint.body].parent == 0
         and joint.body not in loose
-        and (joint.kind == "free" or (joint.kind == "slide" and abs(joint.axis[2]) > 1.0 - 1e-9))
-        for joint in mechanism.joints
+        and (
+            joint.kind == "free"
+            or (joint.kind == "slide" and abs(joint.axis[2]) > 1.0 - 1e-9 and index not in driven)
+        )
+        for index, joint in enumerate(mechanism.joints)
     )
 
 

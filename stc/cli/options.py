@@ -54,6 +54,7 @@ def solve_options(
     until: float | None = None,
     direct: bool = False,
     threads: int | None = None,
+    workers: int | None = None,
 ) -> SolveOptions:
     """Check the options of one solve before any work is done.
 
@@ -76,7 +77,9 @@ def solve_options(
         check_optimizer(optimizer)
     if profile and optimizer not in (None, "sqp"):
         raise UsageError(f"--profile works with the optimizer sqp, not with {optimizer}")
-    search = search_options(guess_from, walk, starts, seed, refine, warm_start, until)
+    search = search_options(guess_from, walk, starts, seed, refine, warm_start, until, workers)
+    if profile and search.workers > 1:
+        raise UsageError("--profile measures this process and cannot be used with --workers")
     given = constants(settings)
     if search.walk is not None and search.walk.name in given:
         raise UsageError(f"--set and --continue both give values to {search.walk.name}: give one of them")

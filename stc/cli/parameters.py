@@ -101,6 +101,12 @@ Seed = Annotated[
     int | None,
     typer.Option("--seed", metavar="NUMBER", help="Seed of the random guesses of --starts; default 1."),
 ]
+StartWorkers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers", metavar="COUNT", help="Number of processes that share the solves of --starts; default 1."
+    ),
+]
 Refine = Annotated[
     float | None,
     typer.Option(

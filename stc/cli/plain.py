@@ -21,6 +21,7 @@ VALUES: dict[str, tuple[str, Callable[[str], Any]]] = {
     "--continue": ("walk", str),
     "--starts": ("starts", int),
     "--seed": ("seed", int),
+    "--workers": ("workers", int),
     "--refine": ("refine", float),
     "--threads": ("threads", int),
     "-o": ("output", str),

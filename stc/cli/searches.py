@@ -41,7 +41,7 @@ class Search:
     Attributes:
         guess: file of starting values.
         walk: the continuation of a constant.
-        starts, seed: number of starts and seed of a multi-start.
+        starts, seed, workers: number of starts of a multi-start, their seed, and the processes that share them.
         refine: tolerance of a mesh refinement.
         until: drift of the replay below which a motion counts as verified.
     """
@@ -50,6 +50,7 @@ class Search:
     walk: Walk | None = None
     starts: int | None = None
     seed: int = DEFAULT_SEED
+    workers: int = 1
     refine: float | None = None
     until: float | None = None
 
@@ -110,6 +111,7 @@ def search_options(
     refine: float | None,
     warm_start: str | None,
     until: float | None = None,
+    workers: int | None = None,
 ) -> Search:
     """Check the options before any work is done.
 
@@ -128,6 +130,10 @@ def search_options(
         raise UsageError(f"--starts must be at least 1, not {starts}")
     if seed is not None and starts is None:
         raise UsageError("--seed can only be used with --starts")
+    if workers is not None and starts is None:
+        raise UsageError("--workers can only be used with --starts")
+    if workers is not None and workers < 1:
+        raise UsageError(f"--workers must be at least 1, not {workers}")
     if seed is not None and seed < 0:
         raise UsageError(f"--seed must be 0 or more, not {seed}")
     if refine is not None and not refine > 0:
@@ -143,6 +149,7 @@ def search_options(
         None if walk is None else walk_option(walk),
         starts,
         DEFAULT_SEED if seed is None else seed,
+        1 if workers is None else workers,
         refine,
         until,
     )
@@ -196,7 +203,7 @@ def find(model: Model, search: Search, solve: Callable[..., Solution], show: boo
         found = _walk(model, search.walk, solve, show, options)
         options = {**options, "constants": {search.walk.name: search.walk.last}}
     elif search.starts is not None:
-        found = _starts(model, search.starts, search.seed, solve, show, options)
+        found = _starts(model, search, solve, show, options)
     if found is not None and options.get("time_limit") is not None:
         options["time_limit"] = max(options["time_limit"] - (time.monotonic() - begin), 1e-3)
     if search.refine is not None and (found is None or found.good):
@@ -230,11 +237,26 @@ def _walk(
 
 
 def _starts(
-    model: Model, starts: int, seed: int, solve: Callable[..., Solution], show: bool, options: dict[str, Any]
+    model: Model, search: Search, solve: Callable[..., Solution], show: bool, options: dict[str, Any]
 ) -> Found:
-    from stc.studies.multistart import multistart
+    from stc.cli.live import Line
+    from stc.studies.multistart import StartRecord, multistart
 
-    result = multistart(model, starts, seed, solve=solve, **options)
+    starts, seed, workers = search.starts, search.seed, search.workers
+    assert starts is not None
+    if workers == 1:
+        result = multistart(model, starts, seed, solve=solve, **options)
+    else:  # the solves of other processes cannot be watched, only counted
+        line = Line()
+
+        def done(one: StartRecord) -> None:
+            if line.due:
+                line.show(f"{model.name}  {one.start + 1} of {starts} starts")
+
+        try:
+            result = multistart(model, starts, seed, workers=workers, on_start=done, **options)
+        finally:
+            line.close()
     table = _Table(("objective", "count", "starts (0 is the spec's own guess)"), show)
     for one in result.optima:
         table.row(f"{one.objective:.10g}", str(len(one.starts)), _listed(one.starts))

@@ -69,10 +69,10 @@ def reads_of(tape: Tape, fused: dict[int, Fused]) -> list[tuple[int, ...]]:
     for number in range(tape.n_uniform_ops, len(tape.ops)):
         one = fused.get(number)
         _, a, b = tape.ops[number]
-        if number in absorbed:
-            reads.append(())
-        elif one is not None:
+        if one is not None:
             reads.append(tuple(dict.fromkeys((one.first, one.second, one.other))))
+        elif number in absorbed:
+            reads.append(())
         else:
             reads.append((a, b) if b >= 0 and b != a else (a,))
     return reads

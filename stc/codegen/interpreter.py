@@ -11,6 +11,7 @@ two to three times as long is spent on evaluations.
 
 from __future__ import annotations
 
+from array import array
 from functools import cache as only_once
 from typing import Any, Final
 
@@ -77,14 +78,17 @@ def assemble(tape: Tape, runs: Runs, fused: bool) -> Code:
 
 
 class _Assembler:
-    """Goes through a tape once, and gives rows to its values as long as they are needed."""
+    """Goes through a tape once, and gives rows to its values as long as they are needed.
+
+    Long tapes have a million operations and more, so that the loop over them is written out in one function.
+    """
 
     def __init__(self, tape: Tape, runs: Runs, fused: bool) -> None:
         self.tape, self.runs = tape, runs
         self.number = _numbers()
         self.fused = find_fused(tape) if fused else {}
-        self.words: list[tuple[int, int, int, int, int]] = []
-        self.row: dict[int, int] = {}
+        self.words = array("i")
+        self.row = [-1] * tape.n_slots
         self.free: list[int] = []
         self.rows = 0
         self.run_rows: dict[int, int] = {}
@@ -92,51 +96,75 @@ class _Assembler:
         self.lasting = tape.first_op + tape.n_uniform_ops  # slots below are there all the time, once they are
 
     def code(self) -> Code:
-        tape = self.tape
-        begin, first_op = tape.n_uniform_ops, tape.first_op
+        tape, row, free, kept, lasting = self.tape, self.row, self.free, self.kept, self.lasting
+        begin, first_op, ops, write = tape.n_uniform_ops, tape.first_op, tape.ops, self.words.extend
         reads = reads_of(tape, self.fused)
         self._once_per_call(reads)
-        head = len(self.words)
-        last: dict[int, int] = {}
+        head = len(self.words) // WORDS
+        last = [-1] * tape.n_slots
         for number, slots in enumerate(reads, begin):
             for slot in slots:
                 last[slot] = number
         outputs: dict[int, list[int]] = {}
-        for row, slot in enumerate(tape.outputs):
-            outputs.setdefault(slot, []).append(row)
+        for output, slot in enumerate(tape.outputs):
+            outputs.setdefault(slot, []).append(output)
         pairs = self._pairs()
         done: set[int] = set()
+        codes, fused, store = self.number, self.fused, self.number["store"]
+        sums = codes["fma"], codes["fms"], codes["fnma"]
         for number, slots in enumerate(reads, begin):
             if not slots:
                 continue
-            rows = [self._operand(slot) for slot in slots]
+            for slot in slots:
+                if row[slot] < 0:
+                    self._fetch(slot)
+            # The operands' rows, before they are given away to the results.
+            one = fused.get(number)
+            if one is None:
+                op, a, b = ops[number]
+                operands = row[a], row[b] if b >= 0 else 0, 0
+            else:
+                op = ""
+                operands = row[one.first], row[one.second], row[one.other]
+            for slot in slots:
+                if last[slot] == number and slot >= lasting and slot not in kept:
+                    free.append(row[slot])
+                    row[slot] = -1
             slot = first_op + number
-            made = [slot]
-            for read in slots:
-                if last[read] == number and read >= self.lasting and read not in self.kept:
-                    self.free.append(self.row.pop(read))
-            if slot not in done:
-                partner = pairs.get(slot)
-                if partner is not None:
-                    made.append(partner)
-                    done.add(partner)
-                results = [self._new_row() for _ in made]
-                self._emit(number, dict(zip(slots, rows, strict=True)), results)
-                for one, result in zip(made, results, strict=True):
-                    self.row[one] = result
-                    for output in outputs.get(one, ()):
-                        self.words.append((self.number["store"], 0, result, output, 0))
-                    if one not in last:
-                        self.free.append(self.row.pop(one))
+            if slot in done:
+                continue
+            result = free.pop() if free else self._new_row()
+            made: tuple[tuple[int, int], ...] = ((slot, result),)
+            partner = pairs.get(slot)
+            if partner is not None:
+                second = free.pop() if free else self._new_row()
+                made = (slot, result), (partner, second)
+                done.add(partner)
+                sine, cosine = (result, second) if op == "sin" else (second, result)
+                write((codes["sincos"], sine, operands[0], 0, cosine))
+            elif one is None:
+                write((codes[op], result, *operands))
+            else:
+                write((sums[2 if one.negates_product else one.negates_other], result, *operands))
+            for slot, result in made:
+                if slot in outputs:
+                    for output in outputs[slot]:
+                        write((store, 0, result, output, 0))
+                if last[slot] < 0:
+                    free.append(result)
+                else:
+                    row[slot] = result
         for slot, where in outputs.items():
-            if slot < self.lasting:
+            if slot < lasting:
+                if row[slot] < 0:
+                    self._fetch(slot)
                 for output in where:
-                    self.words.append((self.number["store"], 0, self._operand(slot), output, 0))
+                    write((store, 0, row[slot], output, 0))
         words = np.array(self.words, dtype=np.int32).reshape(-1, WORDS)
         return Code(words, head, np.array([*tape.constants, 0.0]), self.rows)
 
     def _once_per_call(self, reads: list[tuple[int, ...]]) -> None:
-        tape = self.tape
+        tape, row, write = self.tape, self.row, self.words.extend
         varying = range(tape.n_uniform, tape.first_literal)
         needed = {slot for _, a, b in tape.ops[: tape.n_uniform_ops] for slot in (a, b)}
         needed.update(tape.outputs, *reads)
@@ -145,13 +173,13 @@ class _Assembler:
                 uniform = slot < tape.n_uniform
                 place = slot if uniform else slot - tape.first_literal
                 name = "uniform" if uniform else "literal"
-                self.row[slot] = self._new_row()
-                self.words.append((self.number[name], self.row[slot], place, 0, 0))
+                row[slot] = self._new_row()
+                write((self.number[name], row[slot], place, 0, 0))
         for number in range(tape.n_uniform_ops):
             op, a, b = tape.ops[number]
             slot = tape.first_op + number
-            self.row[slot] = self._new_row()
-            self.words.append((self.number[op], self.row[slot], self.row[a], self.row[b] if b >= 0 else 0, 0))
+            row[slot] = self._new_row()
+            write((self.number[op], row[slot], row[a], row[b] if b >= 0 else 0, 0))
 
     def _pairs(self) -> dict[int, int]:
         """Sines and cosines of one angle: the slot of the first and that of the second."""
@@ -159,7 +187,7 @@ class _Assembler:
         first: dict[int, int] = {}
         for number in range(self.tape.n_uniform_ops, len(self.tape.ops)):
             op, a, _ = self.tape.ops[number]
-            if op in ("sin", "cos"):
+            if op == "sin" or op == "cos":
                 slot = self.tape.first_op + number
                 if a in first:
                     found[first[a]] = slot
@@ -168,43 +196,23 @@ class _Assembler:
         return found
 
     def _new_row(self) -> int:
-        if self.free:
-            return self.free.pop()
+        """A row that nothing has been in yet."""
         self.rows += 1
         return self.rows - 1
 
-    def _operand(self, slot: int) -> int:
-        """The row of a value, fetched where it is an input that has not been used yet."""
-        known = self.row.get(slot)
-        if known is not None:
-            return known
+    def _fetch(self, slot: int) -> None:
+        """Give a row to an input that has not been used yet."""
         if slot in self.kept:
-            self.row[slot] = row = self._new_row()
-            self.words.append((self.number["kept"], row, self.kept[slot], 0, 0))
-            return row
+            self.row[slot] = row = self.free.pop() if self.free else self._new_row()
+            self.words.extend((self.number["kept"], row, self.kept[slot], 0, 0))
+            return
         place = self.runs.places[slot - self.tape.n_uniform]
         run, within = divmod(place, RUN)
         if run not in self.run_rows:
             self.run_rows[run] = self.rows
             self.rows += RUN
-            self.words.append((self.number["fetch"], self.run_rows[run], run, 0, 0))
-        self.row[slot] = row = self.run_rows[run] + within
-        return row
-
-    def _emit(self, number: int, row: dict[int, int], results: list[int]) -> None:
-        one = self.fused.get(number)
-        if one is not None:
-            name = "fnma" if one.negates_product else "fms" if one.negates_other else "fma"
-            self.words.append(
-                (self.number[name], results[0], row[one.first], row[one.second], row[one.other])
-            )
-            return
-        op, a, b = self.tape.ops[number]
-        if len(results) == 2:
-            sine, cosine = results if op == "sin" else results[::-1]
-            self.words.append((self.number["sincos"], sine, row[a], 0, cosine))
-            return
-        self.words.append((self.number[op], results[0], row[a], row[b] if b >= 0 else 0, 0))
+            self.words.extend((self.number["fetch"], self.run_rows[run], run, 0, 0))
+        self.row[slot] = self.run_rows[run] + within
 
 
 @only_once

@@ -164,7 +164,8 @@ class KernelSet:
         seconds: wall time spent on compiling, or on loading from the cache.
         cached: the machine code came from the cache.
         interpreted: some of it is not compiled yet; calls go through instructions instead (see
-            :mod:`stc.codegen.interpreter`), to the same results.
+            :mod:`stc.codegen.interpreter`), to the same results.  Kernels that would take too much of the stack
+            are never compiled.
     """
 
     def __init__(
@@ -201,6 +202,7 @@ class KernelSet:
         if self.interpreted and LONGER * int(self._work[0]) > compiling_takes(self.tapes):
             self.compile(cache)
 
+    @without_collection()
     def interpret(self) -> None:
         """Have instructions for what is not compiled."""
         self.interpreted = True
@@ -325,25 +327,38 @@ def _is_worth_it(tapes: Sequence[Tape], instances: Sequence[int]) -> bool:
     return EXPECTED * longer > compiling_takes(tapes)
 
 
+#: Bytes that a kernel may take of the stack, of which threads usually have 8 MB, and how many operations there are to
+#: each vector that it takes.  Long tapes are compiled without optimisation, which gives every value that is needed in
+#: another basic block a place of its own: 1.1 million operations on vectors of 64 bytes take 11.6 MB.
+STACK = 5_000_000
+_TO_A_PLACE = 6
+
+
+def _fits_the_stack(tape: Tape) -> bool:
+    """Whether machine code of a tape would keep its values within :data:`STACK`."""
+    return 8 * engine.vector_width() * len(tape.ops) // _TO_A_PLACE <= STACK
+
+
 class _Absent(Exception):
     """There is no machine code, and none is wanted yet."""
 
 
 @without_collection()
 def _load_or_compile(kernels: KernelSet, cache: bool, *, wanted: bool) -> bool:
-    """Machine code for all kernels; False where some was not at hand, and is not ``wanted``."""
+    """Machine code for all kernels; False where some was not at hand, and is not ``wanted`` or not possible."""
     level = effort(kernels.tapes)
     divided = parts(kernels.tapes)
     groups = [([kernels.tapes[k] for k in part], [kernels.runs[k] for k in part]) for part in divided]
     made: dict[int, bytes] = {}
 
     def make(number: int) -> bytes:
-        if not wanted:
+        if not wanted or not all(map(_fits_the_stack, groups[number][0])):
             raise _Absent
         if number not in made:  # nor will the later ones be found
             from stc.codegen.compiling import compile_modules
 
-            missing = range(number, len(groups))
+            later = [k for k in range(number + 1, len(groups)) if all(map(_fits_the_stack, groups[k][0]))]
+            missing = [number, *later]
             codes = compile_modules([partial(_own_ir, *groups[k]) for k in missing], level)
             made.update(zip(missing, codes, strict=True))
         return made[number]

@@ -78,7 +78,10 @@ def features_of(described: str) -> frozenset[str]:
 
 
 def known(oldest: tuple[int, ...]) -> Machine | None:
-    """This machine, if it has a compiler of some version at least; None where LLVM has to be asked."""
+    """A description of this machine that needs no call of LLVM.
+
+    Returns None if the processor is unknown, or if LLVM is missing or older than ``oldest``: then LLVM has to be asked.
+    """
     described, installed = processor(), compiler()
     if described is None or installed is None or installed[1] < oldest:
         return None

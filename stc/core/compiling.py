@@ -1,5 +1,7 @@
 """Compiles the core's shared libraries: at installation, and never afterwards.
 
+Wheels for other platforms than this machine's are compiled by the package ``ziglang``; see :data:`PLATFORMS`.
+
 This file imports nothing of the package, since the build backend loads it before there is one.
 """
 
@@ -16,18 +18,47 @@ import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 __all__ = [
+    "PLATFORMS",
+    "Platform",
     "compile_libraries",
     "digest_of_sources",
     "entries_text",
     "file_of",
     "instructions",
     "own_compiler",
+    "wanted_platform",
 ]
 
 FOLDER = Path(__file__).parent
-SUFFIX = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
+
+
+class Platform(NamedTuple):
+    """A kind of machine that the libraries run on.
+
+    Attributes
+    ----------
+    target : its name for ``ziglang``; empty for that of the machine at hand.
+    suffix : what shared libraries end in.
+    x86 : whether its processors are of the kind x86-64.
+    """
+
+    target: str
+    suffix: str
+    x86: bool
+
+
+#: What wheels can be made for, by the name in a wheel's file name.
+PLATFORMS = {
+    "manylinux2014_x86_64": Platform("x86_64-linux-gnu.2.17", "so", True),
+    "manylinux2014_aarch64": Platform("aarch64-linux-gnu.2.17", "so", False),
+    "macosx_11_0_arm64": Platform("aarch64-macos.11.0", "dylib", False),
+    "win_amd64": Platform("x86_64-windows-gnu", "dll", True),
+}
+#: The environment variable that names one of them while a wheel is built; without it, the machine at hand is meant.
+WANTED = "STC_WHEEL_PLATFORM"
 
 #: Instruction sets, each with a library of its own: what a processor has to have.
 INSTRUCTIONS = {
@@ -42,9 +73,9 @@ FLAGS = [
 #: Products and sums are rounded as they are written, so that results are the same on all processors, but for inner
 #: loops, where they are contracted to multiply-adds.
 CONTRACTED = {
-    "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions", "elastic",
-    "gather", "kernels", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "panel", "segmented_parts",
-    "segmented_passes", "step", "substitution", "values", "window",
+    "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions",
+    "elastic", "gather", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "points",
+    "segmented_parts", "segmented_passes", "step", "values", "window",
 }  # fmt: skip
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));
@@ -56,19 +87,36 @@ int main(int n, char **a) {
 """
 
 
-def is_x86() -> bool:
-    """Whether this machine has several of the instruction sets."""
-    return platform.machine().lower() in ("x86_64", "amd64")
+def wanted_platform() -> str | None:
+    """The platform of :data:`PLATFORMS` that a wheel is built for; None for this machine.
+
+    Raises
+    ------
+    RuntimeError : the environment variable names another one.
+    """
+    name = os.environ.get(WANTED)
+    if name and name not in PLATFORMS:
+        raise RuntimeError(f"{WANTED} is {name!r}; known platforms: {', '.join(PLATFORMS)}")
+    return name or None
 
 
-def instructions() -> list[str]:
+def this_machine() -> Platform:
+    """The machine at hand."""
+    x86 = platform.machine().lower() in ("x86_64", "amd64")
+    suffix = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
+    # The oldest C library that is still in use, so that what is built here runs on machines with an older one.
+    linux = f"{'x86_64' if x86 else 'aarch64'}-linux-gnu.2.17" if sys.platform == "linux" else ""
+    return Platform(linux, suffix, x86)
+
+
+def instructions(machine: Platform | None = None) -> list[str]:
     """The names of the instruction sets that libraries are compiled for."""
-    return list(INSTRUCTIONS) if is_x86() else ["baseline"]
+    return list(INSTRUCTIONS) if (machine or this_machine()).x86 else ["baseline"]
 
 
-def file_of(kind: str) -> str:
-    """What the library for an instruction set is called."""
-    return f"libcore_{kind}.{SUFFIX}"
+def file_of(kind: str, machine: Platform | None = None) -> str:
+    """The file name of the library for an instruction set."""
+    return f"libcore_{kind}.{(machine or this_machine()).suffix}"
 
 
 def sources() -> list[Path]:
@@ -90,6 +138,7 @@ _KINDS = {
     "int64_t *": ("L", "p"),
 }  # fmt: skip
 _RESULTS = {"void": "v", "int64_t": "i", "double": "d"}
+_STRUCTS = re.compile(r"^typedef API_STRUCT \{(.*?)^\} (\w+);", re.MULTILINE | re.DOTALL)
 _DECLARED = re.compile(r"^API (void|int64_t|double) (\w+)\(([^)]*)\);", re.MULTILINE)
 _PARAMETER = re.compile(r"(?:const )?(\w+ \*?)(?:restrict )?(\w+)")
 
@@ -100,14 +149,19 @@ def entries_text() -> str:
     Functions that are called otherwise (from ``kkt.h``) have parameters of other types, and get none.
     """
     parts = ["/* Written when the library is compiled: see compiling.py. */\n", '#include "native.h"\n']
-    for header in sorted(FOLDER.rglob("*.h")):
-        found = _DECLARED.findall(header.read_text(encoding="utf-8"))
+    headers = {header: header.read_text(encoding="utf-8") for header in sorted(FOLDER.rglob("*.h"))}
+    structs = {name: body for text in headers.values() for body, name in _STRUCTS.findall(text)}
+    kinds = _KINDS | {f"{name} *": ("S", "p") for name in structs}
+    for name, body in structs.items():
+        parts.append(f'API const char {name}_fields[] = "{_fields_text(body, kinds)}";\n')
+    for header, text in headers.items():
+        found = _DECLARED.findall(text)
         made = []
         for result, name, listed in found:
             arguments, signature = [], []
-            for k, text in enumerate(filter(None, (part.strip() for part in listed.split(",")))):
-                match = _PARAMETER.fullmatch(" ".join(text.split()))
-                kind = _KINDS.get(match[1].strip()) if match else None
+            for k, one in enumerate(filter(None, (part.strip() for part in listed.split(",")))):
+                match = _PARAMETER.fullmatch(" ".join(one.split()))
+                kind = kinds.get(match[1].strip()) if match else None
                 if match is None or kind is None:
                     break
                 signature.append(f"{match[2]} {kind[0]}")
@@ -122,6 +176,17 @@ def entries_text() -> str:
         if made:
             parts += [f'#include "{header.relative_to(FOLDER).as_posix()}"\n', *made]
     return "".join(parts)
+
+
+def _fields_text(body: str, kinds: dict[str, tuple[str, str]]) -> str:
+    """The fields of a structure and their kinds, for ``stc.core.structures``."""
+    fields = []
+    for declaration in re.sub(r"/\*.*?\*/", "", body, flags=re.DOTALL).split(";")[:-1]:
+        base, names = declaration.replace("const ", "").split(maxsplit=1)
+        for name in names.split(","):
+            pointer = " *" if "*" in name else ""
+            fields.append(f"{name.strip(' *')} {kinds[base + pointer][0]}")
+    return ",".join(fields)
 
 
 def own_compiler() -> list[str] | None:
@@ -143,21 +208,17 @@ def own_compiler() -> list[str] | None:
     return None
 
 
-def _packaged_compiler() -> list[str]:
-    """The one of the package ``ziglang``, for the plainest processor of this kind."""
-    if sys.platform == "linux":
-        target = ["-target", f"{'x86_64' if is_x86() else 'aarch64'}-linux-gnu.2.17"]
-    else:
-        target = []
-    return [sys.executable, "-m", "ziglang", "cc", *target]
+def _packaged_compiler(machine: Platform) -> list[str]:
+    """The one of the package ``ziglang``."""
+    return [sys.executable, "-m", "ziglang", "cc", *(["-target", machine.target] if machine.target else [])]
 
 
-def _flags_of(kind: str, packaged: bool) -> list[str]:
+def _flags_of(kind: str, machine: Platform, packaged: bool) -> list[str]:
     """Of an instruction set: never those of the machine at hand, since the library may go to another one."""
     features = INSTRUCTIONS[kind]
     wide = ["-mprefer-vector-width=512"] if "avx512f" in features else []
     if not packaged:  # some are configured for a later processor than the plainest
-        plainest = ["-march=x86-64"] if is_x86() else []
+        plainest = ["-march=x86-64"] if machine.x86 else []
         return [*plainest, *(f"-m{feature}" for feature in features), *wide]
     named = [*features, *(["evex512"] if wide else [])]
     return [f"-mcpu={'+'.join(['baseline', *named])}", *wide]
@@ -166,7 +227,7 @@ def _flags_of(kind: str, packaged: bool) -> list[str]:
 def compile_libraries(
     target: Path, scratch: Path, flags: list[str] | None = None, kinds: list[str] | None = None
 ) -> None:
-    """Compile the sources of this folder.
+    """Compile the sources of this folder, for this machine or the platform that :data:`WANTED` names.
 
     Parameters
     ----------
@@ -179,8 +240,10 @@ def compile_libraries(
     ------
     RuntimeError : there is no compiler, or it refuses a source.
     """
-    own = own_compiler()
-    compiler = own or _packaged_compiler()
+    wanted = wanted_platform()
+    machine = PLATFORMS[wanted] if wanted else this_machine()
+    own = None if wanted else own_compiler()
+    compiler = own or _packaged_compiler(machine)
     scratch.mkdir(parents=True, exist_ok=True)
     entries = scratch / "entries.c"
     entries.write_text(entries_text(), encoding="utf-8")
@@ -195,7 +258,7 @@ def compile_libraries(
         if own is None
         else ["-fno-tree-loop-distribute-patterns"]
     )
-    more = [*(["-DCORE_X86"] if is_x86() else []), f"-I{FOLDER}"]
+    more = [*(["-DCORE_X86"] if machine.x86 else []), f"-I{FOLDER}"]
     headers = b"".join(path.read_bytes() for path in sources() if path.suffix == ".h")
 
     def run(command: list[str]) -> None:
@@ -216,11 +279,18 @@ def compile_libraries(
     # The largest first, so that no processor is left with one of them at the end.
     files = sorted([*FOLDER.rglob("*.c"), entries], key=lambda path: -path.stat().st_size)
     for source in files:
-        for kind in kinds or instructions():
+        for kind in kinds or instructions(machine):
             made = scratch / f"{source.stem}_{kind}.o"
             built.setdefault(kind, []).append(str(made))
             arithmetic = f"-ffp-contract={'fast' if source.stem in CONTRACTED else 'off'}"
-            options = [*FLAGS, *in_place, arithmetic, *_flags_of(kind, own is None), *more, *(flags or [])]
+            options = [
+                *FLAGS,
+                *in_place,
+                arithmetic,
+                *_flags_of(kind, machine, own is None),
+                *more,
+                *(flags or []),
+            ]
             if source.stem == "processor":
                 options.append(f'-DCORE_SOURCES="{digest_of_sources()}"')
             jobs.append((source, options, made))
@@ -228,7 +298,7 @@ def compile_libraries(
         list(pool.map(make, *zip(*jobs, strict=True)))
     target.mkdir(parents=True, exist_ok=True)
     for kind, objects in built.items():
-        linked = scratch / file_of(kind)
+        linked = scratch / file_of(kind, machine)
         run(
             [
                 *compiler,
@@ -238,7 +308,8 @@ def compile_libraries(
                 str(linked),
                 *objects,
                 "-lm",
-                *(["-pthread"] if os.name == "posix" else []),
+                *(["-pthread"] if machine.suffix != "dll" else []),
+                *(["-s"] if own is None else []),  # without names for debuggers, a twentieth of the size
             ]
         )
         fresh = target / f"{linked.name}.new"

@@ -15,6 +15,7 @@
 
 typedef struct {
     double *at;       /* the lower triangle by columns; the rest is not read */
+    double *factor;   /* the columns of L of those that are eliminated */
     int32_t stride, size;
     int32_t summed;   /* columns that may be eliminated, the first ones */
     int32_t eliminated;
@@ -59,7 +60,7 @@ ACCUMULATE(4)
 
 static void subtract_panel(front *f, int32_t begin, int32_t count, int32_t from) {
     int32_t stride = f->stride, first = from - from % TILE_COLUMNS;
-    const double *l = f->at + (int64_t)begin * stride;
+    const double *l = f->factor + (int64_t)begin * stride;
     /* Columns before `from` in the first tile are factors already. */
     for (int32_t p = 0; p < count; p++)
         for (int32_t j = first; j < from; j++) f->panel[j + (int64_t)p * stride] = 0.0;
@@ -85,7 +86,7 @@ static void subtract_panel(front *f, int32_t begin, int32_t count, int32_t from)
  * magnitude below row `from`. */
 static double bring_column(const front *f, int32_t begin, int32_t from, int32_t c, double *restrict column) {
     int32_t stride = f->stride, count = from - begin, i = from - from % LANES;
-    const double *l = f->at + (int64_t)begin * stride, *w = f->panel + c, *given = f->at + (int64_t)c * stride;
+    const double *l = f->factor + (int64_t)begin * stride, *w = f->panel + c, *given = f->at + (int64_t)c * stride;
     if (c > from) { /* rows above the diagonal are in the columns of theirs */
         for (int32_t j = from; j < c; j++) column[j] = f->at[c + (int64_t)j * stride];
         for (int32_t j = c; j < stride; j++) column[j] = given[j];
@@ -134,9 +135,9 @@ static void exchange(front *f, int32_t a, int32_t b, int32_t count) {
     int64_t stride = f->stride;
     double *at = f->at;
     for (int32_t j = 0; j < a; j++) {
-        double kept = at[a + j * stride];
-        at[a + j * stride] = at[b + j * stride];
-        at[b + j * stride] = kept;
+        double *column = (j < f->eliminated ? f->factor : at) + j * stride, kept = column[a];
+        column[a] = column[b];
+        column[b] = kept;
     }
     double kept = at[a + a * stride];
     at[a + a * stride] = at[b + b * stride];
@@ -163,7 +164,7 @@ static void exchange(front *f, int32_t a, int32_t b, int32_t count) {
 
 /* Take unknown k of the front as a pivot of one; `column` is its column. */
 static void take_one(front *f, int32_t k, int32_t p, const double *column, double pivot) {
-    double inverse = 1.0 / pivot, *l = f->at + (int64_t)k * f->stride, *w = f->panel + (int64_t)p * f->stride;
+    double inverse = 1.0 / pivot, *l = f->factor + (int64_t)k * f->stride, *w = f->panel + (int64_t)p * f->stride;
     int32_t i = k - k % LANES;
     for (; i < f->stride; i += LANES) {
         lanes c = *(const lanes *)(column + i);
@@ -182,7 +183,7 @@ static void take_two(front *f, int32_t k, int32_t p, const double *first, const 
     double a = first[k], b = first[k + 1], c = second[k + 1], determinant = a * c - b * b;
     double over_a = c / determinant, over_b = -b / determinant, over_c = a / determinant;
     int64_t stride = f->stride;
-    double *l = f->at + k * stride, *w = f->panel + p * stride, *m = l + stride, *v = w + stride;
+    double *l = f->factor + k * stride, *w = f->panel + p * stride, *m = l + stride, *v = w + stride;
     for (int32_t i = k - k % LANES; i < f->stride; i += LANES) {
         lanes x = *(const lanes *)(first + i), y = *(const lanes *)(second + i);
         *(lanes *)(w + i) = x;

@@ -1,13 +1,14 @@
 """Functions of the core (``stc/core/native.h``), to be called from Python.
 
-    measure = function("kernels_measure")
-    call = measure.bind(n, x, y)       # prepared once ...
+    copy = function("point_copy")
+    call = copy.bind(n, x, y)          # prepared once ...
     call()                             # ... to be made often: about 0.1 microseconds more than the work
-    measure(n, x, y)                   # both at once
+    copy(n, x, y)                      # both at once
 
 What such a function takes is told by the library itself, and so by its declaration in a header: ``double`` and
 ``int64_t`` are numbers, pointers are one-dimensional C-contiguous arrays of ``float64``, ``int32`` or ``int64``, whose
-types are checked and whose lengths are arguments of their own.  The interpreter lock is released meanwhile.
+types are checked and whose lengths are arguments of their own, or structures (``stc.core.structures``).  The
+interpreter lock is released meanwhile.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from stc.core.library import library
 
 __all__ = ["ArgumentError", "BoundFunction", "Function", "function"]
 
-_DTYPES: dict[str, np.dtype[Any]] = {
+DTYPES: dict[str, np.dtype[Any]] = {
     "D": np.dtype(np.float64),
     "I": np.dtype(np.int32),
     "L": np.dtype(np.int64),
@@ -38,7 +39,7 @@ class ArgumentError(TypeError):
     """A function of the core is called with arguments that it cannot take."""
 
 
-def _array_address(array: Any, dtype: np.dtype[Any], what: str) -> int:
+def array_address(array: Any, dtype: np.dtype[Any], what: str) -> int:
     """Address of an array's first element, checked: one-dimensional, C-contiguous, of the given type.
 
     Raises
@@ -97,7 +98,8 @@ class Function:
     Attributes
     ----------
     name : in C.
-    names, kinds : of the parameters; a kind is ``d`` or ``i`` for a number, ``D``, ``I`` or ``L`` for an array.
+    names, kinds : of the parameters; a kind is ``d`` or ``i`` for a number, ``D``, ``I`` or ``L`` for an array,
+        ``S`` for a structure.
     """
 
     def __init__(self, name: str, kind: str | None = None) -> None:
@@ -122,10 +124,11 @@ class Function:
         self.names, self.kinds = [name for name, _ in pairs], [kind for _, kind in pairs]
         self._entry = _ENTRIES[result]((f"{self.name}_cells", loaded))
         self._arrays = [
-            (k, _DTYPES[kind], f"{self.name}(): {name}")
+            (k, DTYPES[kind], f"{self.name}(): {name}")
             for k, (name, kind) in enumerate(pairs)
-            if kind in _DTYPES
+            if kind in DTYPES
         ]
+        self._structures = [k for k, kind in enumerate(self.kinds) if kind == "S"]
         self._integers, self._floats = (
             [k for k, kind in enumerate(self.kinds) if kind == wanted] for wanted in "id"
         )
@@ -141,7 +144,11 @@ class Function:
             raise ArgumentError(f"{self.name}() takes {len(self.names)} arguments, not {len(args)}")
         cells = [0] * len(args)
         for position, dtype, what in self._arrays:
-            cells[position] = _array_address(args[position], dtype, what)
+            cells[position] = array_address(args[position], dtype, what)
+        for position in self._structures:
+            if not isinstance(args[position], ctypes.Structure):
+                raise ArgumentError(f"{self.name}(): {self.names[position]} must be a structure of the core")
+            cells[position] = _address_of(args[position])
         bound = BoundFunction.of_native(self._entry, cells, args)
         bound.function = self
         for position in self._integers:

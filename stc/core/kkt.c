@@ -10,6 +10,10 @@
 /* A plan is made anew, from the values at hand, where delayed pivots have cost so many times the planned operations in
  * all, and twice as much each time: some matrices suit no plan. */
 #define WASTED 4.0
+/* The first two plans are made anew, knowing which unknowns have been delayed, where the first matrix has cost so many
+ * times the planned operations beyond those; the third takes all for weak. */
+#define SOON 0.1
+#define LEARNING 2
 #define PLAN_SWEEPS 4
 #define ALIGNMENT 64
 
@@ -62,10 +66,12 @@ void kkt_free(kkt *s) {
     free(s->one); free(s->other); free(s->source); free(s->diagonal_source); free(s->stage); free(s->ordered_source);
     free(s->ordered_diagonal); free(s->diagonal); free(s->value); free(s->scale); free(s->most); free(s->index);
     free(s->local); free(s->inverse); free(s->kind); free(s->work);
+    free(s->weak); free(s->regular);
     for (int k = 0; k < 6; k++) free(s->vector[k]);
     arena_free(&s->factors);
     arena_free(&s->stack);
     arena_free(&s->panel);
+    arena_free(&s->front);
     free(s);
 }
 
@@ -81,7 +87,7 @@ kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays) {
     s->arrays = *arrays;
     s->hess_count = pattern->hess_count;
     s->jac_count = pattern->jac_count;
-    s->options = (kkt_options){1e-4, 1e300, 1e-13, 10, 0};
+    s->options = (kkt_options){1e-4, 1e300, 1e-13, 10, 0, 4.0};
     for (int64_t e = 0; e < pattern->hess_count; e++) entries += pattern->hess_rows[e] != pattern->hess_cols[e];
     entries += pattern->jac_count;
     s->entries = entries;
@@ -98,8 +104,11 @@ kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays) {
     s->most = array(s->size, sizeof(double));
     s->inverse = array(3 * (int64_t)s->size, sizeof(double));
     s->kind = array(s->size, 1);
+    s->weak = array(s->size, 1);
+    s->regular = array(s->size, sizeof(double));
     int failed = !s->one || !s->other || !s->source || !s->ordered_source || !s->value || !s->diagonal_source
-                 || !s->ordered_diagonal || !s->stage || !s->diagonal || !s->scale || !s->most || !s->inverse || !s->kind;
+                 || !s->ordered_diagonal || !s->stage || !s->diagonal || !s->scale || !s->most || !s->inverse || !s->kind
+                 || !s->weak || !s->regular;
     for (int k = 0; k < 6; k++) failed |= !(s->vector[k] = array(s->size, sizeof(double)));
     if (failed) { kkt_free(s); return NULL; }
     memcpy(s->stage, pattern->stage, sizeof(int32_t) * (size_t)s->size);
@@ -175,12 +184,18 @@ static int magnitudes(const kkt *s, double *magnitude) {
     return 0;
 }
 
+/* Forget which small pivots have been found to be regular. */
+static void suspect_all(kkt *s) {
+    for (int32_t k = 0; k < s->size; k++) s->regular[k] = INFINITY;
+    s->judged_by = s->options.certain;
+}
+
 static int make_plan(kkt *s) {
     graph g = {0};
     double *magnitude = array(s->entries, sizeof(double));
     forget_plan(s);
     if (magnitude && !graph_of(s, &g) && !magnitudes(s, magnitude))
-        s->plan = plan_new(&g, s->entries, s->one, s->other, magnitude, s->n, s->stage);
+        s->plan = plan_new(&g, s->entries, s->one, s->other, magnitude, s->n, s->stage, s->weak);
     free(g.start); free(g.index); free(g.entry); free(magnitude);
     if (!s->plan) return -1;
     s->fronts = array(s->plan->fronts, sizeof(factored));
@@ -191,15 +206,24 @@ static int make_plan(kkt *s) {
         s->ordered_diagonal[k] = s->diagonal_source[s->plan->order[k]];
         s->scale[k] = 1.0;
     }
+    suspect_all(s);
     s->wasted = 0.0;
     s->allowed = WASTED * ldexp((double)s->plan->operations, s->facts.plans < 30 ? (int)s->facts.plans : 30);
     s->facts.plans++;
+    s->fresh = s->facts.plans <= LEARNING;
     s->facts.planned = s->plan->entries;
     s->facts.fronts = s->plan->fronts;
     return 0;
 }
 
 /* --- What callers call. */
+
+void kkt_restart(kkt *s) {
+    for (int32_t k = 0; k < s->size; k++) s->scale[k] = 1.0;
+    suspect_all(s);
+    s->factorized = 0;
+    s->wasted = 0.0; /* another plan would have later solves differ from each other in their last digits */
+}
 
 kkt_options *kkt_options_of(kkt *s) { return &s->options; }
 
@@ -212,8 +236,7 @@ static int is_finite(const kkt *s) {
     return check == 0.0;
 }
 
-int64_t kkt_refactor(kkt *const *system) {
-    kkt *s = *system;
+static int64_t factorize(kkt *s, int needed) {
     int finite = 0;
     s->factorized = 0;
     if (!s->plan || s->options.replan || s->wasted > s->allowed) {
@@ -221,15 +244,27 @@ int64_t kkt_refactor(kkt *const *system) {
         s->options.replan = 0;
         if (make_plan(s)) return KKT_NO_MEMORY;
     }
+    if (s->options.certain != s->judged_by) suspect_all(s);
     load_values(s, &finite);
     if (!finite) return KKT_NOT_FINITE;
     s->facts.factorizations++;
-    int64_t ended = factorize_all(s);
-    if (ended == KKT_NO_MEMORY) return ended;
-    s->wasted += (double)(s->facts.operations - s->plan->operations);
+    int64_t ended = factorize_all(s, needed);
+    if (ended == KKT_NO_MEMORY || ended == KKT_GIVEN_UP) return ended;
+    if (s->fresh && s->wasted > SOON * (double)s->plan->operations) {
+        if (s->facts.plans == LEARNING) memset(s->weak, 1, (size_t)s->size);
+        s->options.replan = 1;
+    }
+    s->fresh = 0;
     s->arrays.accuracy[0] = s->options.fine;
     s->factorized = 1;
     return ended;
+}
+
+int64_t kkt_refactor(kkt *const *system) { return factorize(*system, 0); }
+
+int64_t kkt_attempt(kkt *const *system) {
+    int64_t ended = factorize(*system, 1);
+    return ended == KKT_SINGULAR || ended == KKT_GIVEN_UP ? KKT_OK : ended;
 }
 
 int64_t kkt_solve(kkt *const *system) {

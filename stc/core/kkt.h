@@ -7,6 +7,7 @@
  *
  *     kkt_new        takes the pattern, copies it, and allocates what does not depend on values
  *     kkt_refactor   scales K, plans the elimination the first time (order.c), and factorises (front.c)
+ *     kkt_attempt    the same, but given up as soon as the inertia cannot be (n, m, 0) any more
  *     kkt_solve      solves with iterative refinement (solve.c); kkt_solve_both for two right-hand sides at once
  *     kkt_free
  *
@@ -33,7 +34,8 @@ enum {
     KKT_NO_MEMORY = 3,
 };
 
-/* The sparsity: every entry of J and of the lower triangle of H once. */
+/* The sparsity: every entry of J and of the lower triangle of H once.  K may be what the elimination of other unknowns has
+ * left: entries of H may then couple rows as well, numbered from n on, as if H were of size n + m. */
 typedef struct {
     int32_t n, m;
     int64_t hess_count, jac_count;
@@ -57,8 +59,9 @@ typedef struct {
     double threshold;   /* u, between 0 and 0.5 */
     double certain;     /* small pivots so many times larger than the noise in them are no zeros; huge: all are */
     double fine;        /* what accuracy[0] is set to by a factorisation */
-    int64_t refinements; /* steps at most */
+    int64_t refinements; /* steps at most; 0: the caller refines, and nothing is reported */
     int64_t replan;     /* 1: plan the elimination anew with the next matrix */
+    double stale;       /* a scale serves as long as the largest entries of all rows are within this factor of 1 */
 } kkt_options;
 
 /* What is known of the last factorisation. */
@@ -79,11 +82,18 @@ typedef struct kkt kkt;
 /* NULL where there is no memory. */
 API kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays);
 API void kkt_free(kkt *system);
+/* Forget the scale of the last matrix, but not the plan: the same matrices have the same factors again. */
+API void kkt_restart(kkt *system);
 API kkt_options *kkt_options_of(kkt *system);
 API const kkt_facts *kkt_facts_of(const kkt *system);
 
 /* These take the address of a pointer, so that a prepared call is one cell of memory. */
 API int64_t kkt_refactor(kkt *const *system);
+
+/* KKT_OK, unless a number is not finite or there is no memory.  An inertia that is not (n, m, 0) may be told before the
+ * factorisation is complete: the array then holds one that is wrong in the same direction, and there is nothing to solve
+ * with. */
+API int64_t kkt_attempt(kkt *const *system);
 API int64_t kkt_solve(kkt *const *system);
 API int64_t kkt_solve_both(kkt *const *system);
 

@@ -59,6 +59,7 @@ class Options(ctypes.Structure):
         ("fine", ctypes.c_double),
         ("refinements", ctypes.c_int64),
         ("replan", ctypes.c_int64),
+        ("stale", ctypes.c_double),
     ]
 
 
@@ -126,9 +127,11 @@ def library(kind: str | None = None) -> ctypes.CDLL:
     for name, result, arguments in (
         ("kkt_new", ctypes.c_void_p, [ctypes.POINTER(Pattern), ctypes.POINTER(Arrays)]),
         ("kkt_free", None, [ctypes.c_void_p]),
+        ("kkt_restart", None, [ctypes.c_void_p]),
         ("kkt_options_of", ctypes.POINTER(Options), [ctypes.c_void_p]),
         ("kkt_facts_of", ctypes.POINTER(Facts), [ctypes.c_void_p]),
         ("kkt_refactor", ctypes.c_int64, [call]),
+        ("kkt_attempt", ctypes.c_int64, [call]),
         ("kkt_solve", ctypes.c_int64, [call]),
         ("kkt_solve_both", ctypes.c_int64, [call]),
         ("chain_run", ctypes.c_int64, [call]),

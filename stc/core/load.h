@@ -5,8 +5,7 @@
 #include "system.h"
 #include "vectors.h"
 
-/* A scale serves as long as the largest entries of all rows are within this factor of 1; and sweeps to find one. */
-#define STALE 4.0
+/* A scale is good when the largest entries of all rows are within this factor of 1; and sweeps to find one. */
 #define GOOD 2.0
 #define SWEEPS 12
 #define SMALLEST_SCALE 1e-100
@@ -39,7 +38,7 @@ static void equilibrate(kkt *s) {
         double far = value > 1.0 ? value : 1.0 / value;
         spread = far > spread ? far : spread;
     }
-    if (spread > STALE) {
+    if (spread > s->options.stale) {
         for (int32_t k = 0; k < s->size; k++) s->scale[k] = 1.0;
         for (int sweep = 0; sweep < SWEEPS; sweep++) {
             double low = LARGEST_SCALE, high = 0.0;

@@ -3,6 +3,9 @@
 #define STC_MULTIFRONTAL_H
 
 #include <stdlib.h>
+#if defined(__AVX512F__)
+#include <immintrin.h>
+#endif
 
 #include "front.h"
 #include "singular.h"
@@ -29,6 +32,38 @@ static inline void copy_column(double *restrict to, const double *restrict given
     for (int32_t i = from - from % LANES; i < size; i += LANES) *(lanes *)(to + i) = *(const lanes *)(given + i);
 }
 
+#if defined(__AVX512F__)
+/* Eight rows of a parent that a child has some of, `mask` saying which, from row `from` of the child on. */
+typedef struct {
+    int32_t to, from, mask;
+} block;
+
+/* Add what a child has left, `place` saying where each of its unknowns is, increasing; `work` is for three times as many.
+ * Rows of the child spread to eight of the parent at a time. */
+static void add_contribution(double *restrict at, int64_t stride, const double *restrict given, const contribution *c,
+                             const int32_t *restrict place, int32_t *restrict work) {
+    int32_t size = c->size, count = 0;
+    block *blocks = (block *)work;
+    for (int32_t i = 0; i < size; i++) {
+        int32_t to = place[i] & ~7;
+        if (!count || blocks[count - 1].to != to) blocks[count++] = (block){to, i, 0};
+        blocks[count - 1].mask |= 1 << (place[i] & 7);
+    }
+    for (int32_t j = 0, first = 0; j < size; j++) {
+        double *to = at + place[j] * stride;
+        const double *from = given + (int64_t)j * c->stride;
+        if (first + 1 < count && blocks[first + 1].from <= j) first++;
+        __mmask8 mask = (__mmask8)(blocks[first].mask & (0xff << (place[j] & 7)));
+        double *put = to + blocks[first].to;
+        _mm512_storeu_pd(put, _mm512_add_pd(_mm512_loadu_pd(put), _mm512_maskz_expand_pd(mask, _mm512_loadu_pd(from + j))));
+        for (int32_t r = first + 1; r < count; r++) {
+            put = to + blocks[r].to;
+            __m512d spread = _mm512_maskz_expand_pd((__mmask8)blocks[r].mask, _mm512_loadu_pd(from + blocks[r].from));
+            _mm512_storeu_pd(put, _mm512_add_pd(_mm512_loadu_pd(put), spread));
+        }
+    }
+}
+#else
 /* Add what a child has left, `place` saying where each of its unknowns is; `runs` is work space. */
 static void add_contribution(double *restrict at, int64_t stride, const double *restrict given, const contribution *c,
                              const int32_t *restrict place, int32_t *restrict runs) {
@@ -56,11 +91,13 @@ static void add_contribution(double *restrict at, int64_t stride, const double *
         }
     }
 }
+#endif
 
 /* Where a front and what it leaves go: enough room for all of it, or -1. */
-static int reserve(kkt *s, int32_t size, int64_t factors_used, int64_t stack_used, int64_t index_used) {
+static int reserve(kkt *s, int32_t size, int32_t summed, int64_t factors_used, int64_t stack_used, int64_t index_used) {
     int64_t stride = stride_of(size), all = stride * columns_of(size);
-    if (arena_reserve(&s->factors, factors_used + all, factors_used)) return -1;
+    if (arena_reserve(&s->factors, factors_used + stride * summed, factors_used)) return -1;
+    if (arena_reserve(&s->front, all, 0)) return -1;
     if (arena_reserve(&s->stack, stack_used + all, stack_used)) return -1;
     if (arena_reserve(&s->panel, (PANEL + 2) * stride, 0)) return -1;
     if (index_used + size > s->index_room) {
@@ -70,27 +107,48 @@ static int reserve(kkt *s, int32_t size, int64_t factors_used, int64_t stack_use
         s->index = larger;
         s->index_room = room;
     }
-    if (2 * size + 2 > s->local_room) {
-        int32_t *larger = realloc(s->local, sizeof(int32_t) * (size_t)(4 * size + 4));
+    if (4 * size > s->local_room) { /* places, and three times as many for add_contribution */
+        int32_t *larger = realloc(s->local, sizeof(int32_t) * (size_t)(8 * size));
         if (!larger) return -1;
         s->local = larger;
-        s->local_room = 4 * size + 4;
+        s->local_room = 8 * size;
     }
     return 0;
 }
 
-int64_t factorize_all(kkt *s) {
+/* Where more unknowns wait for a later front than this many and those of the front, smaller pivots are taken: in matrices
+ * close to singular they would gather, thousands of them, and fill the last fronts. */
+#define WAITING_FREELY 100
+#define LOWEST_THRESHOLD 1e-8
+
+/* Of the elimination of so many unknowns of a front. */
+static int64_t operations_of(int64_t size, int64_t taken) {
+    int64_t count = 0;
+    for (int64_t k = 0; k < taken; k++) count += (size - k) * (size - k - 1) / 2;
+    return count;
+}
+
+/* How many of some unknowns are rows. */
+static int32_t rows_among(const kkt *s, const int32_t *index, int32_t count) {
+    int32_t rows = 0;
+    for (int32_t k = 0; k < count; k++) rows += s->plan->order[index[k]] >= s->n;
+    return rows;
+}
+
+int64_t factorize_all(kkt *s, int needed) {
     const plan *p = s->plan;
     int64_t factors_used = 0, stack_used = 0, index_used = 0, entries = 0, operations = 0, delayed_in_all = 0;
-    int32_t waiting = 0, pivots = 0, widest = 0;
-    front f = {.threshold = s->options.threshold, .order = p->order, .variables = s->n};
+    int32_t waiting = 0, pivots = 0, widest = 0, held = 0;
+    front f = {.order = p->order, .variables = s->n};
     for (int32_t at = 0; at < p->fronts; at++) {
-        int32_t first = p->first[at], own = p->first[at + 1] - first, delayed = 0;
+        int32_t first = p->first[at], own = p->first[at + 1] - first, delayed = 0, excess = 0;
+        int64_t positive = f.positive;
         int32_t rows = (int32_t)(p->row_start[at + 1] - p->row_start[at]);
         for (int32_t c = 0; c < p->children[at]; c++) delayed += s->waiting[waiting - 1 - c].delayed;
         int32_t size = delayed + own + rows, stride = stride_of(size);
-        if (reserve(s, size, factors_used, stack_used, index_used)) return KKT_NO_MEMORY;
-        f.at = s->factors.at + factors_used;
+        if (reserve(s, size, delayed + own, factors_used, stack_used, index_used)) return KKT_NO_MEMORY;
+        f.at = s->front.at;
+        f.factor = s->factors.at + factors_used;
         f.stride = stride;
         f.size = size;
         f.summed = delayed + own;
@@ -99,6 +157,7 @@ int64_t factorize_all(kkt *s) {
         f.inverse = s->inverse + 3 * (int64_t)pivots;
         f.kind = s->kind + pivots;
         f.panel = s->panel.at;
+        f.threshold = held > WAITING_FREELY + size ? LOWEST_THRESHOLD : s->options.threshold;
         for (int32_t j = 0; j < columns_of(size); j++) clear_column(f.at + (int64_t)j * stride, j & ~7, stride);
         for (int32_t k = 0; k < own; k++) f.index[delayed + k] = first + k;
         memcpy(f.index + f.summed, p->rows + p->row_start[at], sizeof(int32_t) * (size_t)rows);
@@ -116,14 +175,16 @@ int64_t factorize_all(kkt *s) {
                 s->local[k] = put++;
             }
             for (int32_t k = child->delayed; k < child->size; k++) s->local[k] = delayed + local[k];
-            add_contribution(f.at, stride, s->stack.at + child->at, child, s->local, s->local + s->local_room / 2);
+            add_contribution(f.at, stride, s->stack.at + child->at, child, s->local, s->local + s->local_room / 4);
             stack_used = child->at;
+            excess += child->excess;
         }
         eliminate(&f);
+        held += f.summed - f.eliminated - delayed;
         int32_t taken = f.eliminated;
         if (p->parent[at] < 0 && taken < size) { /* not a number, or overflowed: give up on what is left */
             for (int32_t k = taken; k < size; k++) {
-                double *column = f.at + (int64_t)k * stride;
+                double *column = f.factor + (int64_t)k * stride;
                 memset(column, 0, sizeof(double) * (size_t)stride);
                 column[k] = 1.0;
                 f.inverse[3 * k] = (p->order[f.index[k]] < s->n ? 1.0 : -1.0) / REPLACEMENT;
@@ -133,6 +194,19 @@ int64_t factorize_all(kkt *s) {
             }
             taken = size;
         }
+        /* With more pivots up to here that are not positive than rows among them and rows still to come that they couple
+         * with, there is a space of more than m dimensions on which the quadratic form of K is nowhere positive: the span
+         * of those directions of the pivots that solve the rows to come, and of all rows to come.  Then more than m
+         * eigenvalues are negative or zero, whatever follows. */
+        excess += taken - (int32_t)(f.positive - positive) - rows_among(s, f.index, taken);
+        int32_t beyond = needed ? excess - rows_among(s, f.index + taken, size - taken) : 0;
+        if (beyond > 0) {
+            s->arrays.inertia[0] = s->n - beyond;
+            s->arrays.inertia[1] = s->m + beyond - f.zero;
+            s->arrays.inertia[2] = f.zero;
+            return KKT_GIVEN_UP;
+        }
+        for (int32_t k = taken; k < f.summed; k++) s->weak[p->order[f.index[k]]] = 1;
         factored *kept = &s->fronts[at];
         kept->factor_at = factors_used;
         kept->index_at = index_used;
@@ -146,7 +220,9 @@ int64_t factorize_all(kkt *s) {
         widest = size > widest ? size : widest;
         delayed_in_all += f.summed - taken;
         entries += (int64_t)taken * size - (int64_t)taken * (taken - 1) / 2;
-        for (int32_t k = 0; k < taken; k++) operations += (int64_t)(size - k) * (size - k - 1) / 2;
+        int64_t done = operations_of(size, taken);
+        operations += done;
+        s->wasted += (double)(done - operations_of(own + rows, own));
         if (p->parent[at] >= 0) {
             contribution *c = &s->waiting[waiting++];
             c->size = size - taken;
@@ -155,6 +231,7 @@ int64_t factorize_all(kkt *s) {
             c->at = stack_used;
             c->index_at = kept->index_at + taken;
             c->front = at;
+            c->excess = excess;
             for (int32_t j = 0; j < c->size; j++)
                 copy_column(s->stack.at + stack_used + (int64_t)j * c->stride, f.at + (int64_t)(taken + j) * stride + taken,
                             j, c->size);

@@ -2,7 +2,9 @@
  *
  * A function marked API can be called from Python, and through pointers by other machine code, as a prepared call: its
  * arguments lie in consecutive cells of 8 bytes each.  That entry, NAME_cells, is written when the library is compiled,
- * from the declaration in the header (see compiling.py), as is what Python is told of it, NAME_signature.  Whole numbers are 64 bits wide, indices in arrays 32 bits.
+ * from the declaration in the header (see compiling.py), as is what Python is told of it, NAME_signature.  Whole numbers
+ * are 64 bits wide, indices in arrays 32 bits.  A structure marked API_STRUCT is told to Python as well, NAME_fields:
+ * Python fills it, and functions take its address.
  * Arrays that a function writes to must not overlap its other arrays, where they are marked restrict.
  */
 #ifndef STC_NATIVE_H
@@ -18,6 +20,7 @@
 #else
 #define API __attribute__((visibility("default")))
 #endif
+#define API_STRUCT struct
 #define ALWAYS_INLINE static inline __attribute__((always_inline))
 
 /* What a prepared call finds in each of its cells. */
@@ -32,7 +35,7 @@ ALWAYS_INLINE int64_t floor_div(int64_t a, int64_t b) { return a / b - ((a % b !
 
 ALWAYS_INLINE int64_t floor_mod(int64_t a, int64_t b) {
     int64_t rest = a % b;
-    return rest + ((rest != 0) & ((rest ^ b) < 0) ? b : 0);
+    return rest + (((rest != 0) & ((rest ^ b) < 0)) ? b : 0);
 }
 
 ALWAYS_INLINE int64_t imin(int64_t a, int64_t b) { return b < a ? b : a; }

@@ -32,10 +32,10 @@ typedef struct {
     int64_t entries, operations; /* of L and D, and of the elimination where no pivot is delayed */
 } plan;
 
-/* one, other: the unknowns of every entry, variables before rows; magnitude: of every entry, scaled.  NULL where there is
- * no memory. */
+/* one, other: the unknowns of every entry, variables before rows; magnitude: of every entry, scaled; weak: unknowns that
+ * are no pivots by themselves, as far as is known.  NULL where there is no memory. */
 plan *plan_new(const graph *couplings, int64_t entries, const int32_t *one, const int32_t *other, const double *magnitude,
-               int32_t variables, const int32_t *stage);
+               int32_t variables, const int32_t *stage, const uint8_t *weak);
 void plan_free(plan *p);
 
 /* mate[i]: the unknown that i is eliminated together with, or -1.  0, or -1 where there is no memory. */

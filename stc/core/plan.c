@@ -8,6 +8,9 @@
 /* Unknowns with more neighbours than this many, and than so many times the root of their number, are eliminated last. */
 #define MANY 40
 #define DENSE 4.0
+/* Stages tell a good order where they couple with near ones, so many stages away at most, but for this share of entries. */
+#define NEAR 4
+#define FEW 0.01
 /* What a front takes besides its operations, in operations: for itself, for each of its rows, and for each entry. */
 #define FRONT_COST 600.0
 #define ROW_COST 15.0
@@ -66,6 +69,24 @@ static int order_pairs(const graph *g, const int32_t *mate, const uint8_t *dense
 done:
     free(start); free(index); free(weight); free(last); free(members); free(stage_of);
     return failed;
+}
+
+/* Part pairs of which the variable is of an earlier stage than the row's last one: its elimination fills the diagonal of
+ * the row, which is a pivot by itself then, of that last stage.  Fronts of such unknowns are smaller than those of pairs.
+ * A variable that has been no pivot by itself, being weak, stays with its row. */
+static void part_pairs(const graph *g, int32_t variables, const uint8_t *dense, const uint8_t *weak, int32_t *mate,
+                       int32_t *stage) {
+    for (int32_t r = variables; r < g->size; r++) {
+        int32_t last = -1, own = mate[r];
+        if (own < 0 || weak[r] || weak[own]) continue;
+        for (int64_t k = g->start[r]; k < g->start[r + 1]; k++) {
+            int32_t j = g->index[k];
+            if (!dense[j] && stage[j] > last) last = stage[j];
+        }
+        if (stage[own] >= last) continue;
+        mate[own] = mate[r] = -1;
+        stage[r] = last;
+    }
 }
 
 typedef struct {
@@ -251,24 +272,31 @@ done:
 }
 
 plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_t *other, const double *magnitude,
-               int32_t variables, const int32_t *stage) {
+               int32_t variables, const int32_t *given_stage, const uint8_t *weak) {
     int32_t size = g->size, nodes = 0, fronts = 0;
     size_t n = (size_t)size;
     plan *p = calloc(1, sizeof *p);
     uint8_t *dense = array(n, 1);
     int32_t *mate = array(n, 4), *node_of = array(n, 4), *number = array(n, 4), *member_start = array(n + 1, 4);
     int32_t *member = array(n, 4), *front_of = array(n, 4), *into = array(n, 4), *stack = array(n, 4);
+    int32_t *stage = array(n, 4);
     degree_order found = {array(n, 4), array(n, 4), array(n, 4), 0};
     tree t = {0, array(n, 4), array(n, 4), array(n, 4), array(n, 4), array(n, 4)};
     int failed = 1;
-    if (!p || !dense || !mate || !node_of || !number || !member_start || !member || !front_of || !into || !stack
+    if (!p || !dense || !mate || !node_of || !number || !member_start || !member || !front_of || !into || !stack || !stage
         || !found.element || !found.parent || !found.sequence || !t.parent || !t.own || !t.first_child || !t.next_child || !t.rows)
         goto done;
     p->size = size;
+    memcpy(stage, given_stage, sizeof(int32_t) * n);
     double many = DENSE * sqrt((double)size);
     if (many < MANY) many = MANY;
     for (int32_t i = 0; i < size; i++) dense[i] = (double)(g->start[i + 1] - g->start[i]) > many;
+    int64_t far = 0;
+    for (int64_t e = 0; e < entries; e++)
+        far += !dense[one[e]] && !dense[other[e]] && abs(stage[one[e]] - stage[other[e]]) > NEAR;
+    if ((double)far > FEW * (double)entries) memset(stage, 0, sizeof(int32_t) * n); /* a single one */
     if (match_rows(g, magnitude, variables, dense, stage, mate)) goto done;
+    part_pairs(g, variables, dense, weak, mate, stage);
     if (order_pairs(g, mate, dense, stage, &found, node_of, &nodes)) goto done;
     /* Elements in order, and one more front for those left out. */
     int32_t left_out = 0;
@@ -347,7 +375,7 @@ plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_
     failed = place_entries(p, entries, one, other) || find_rows(p);
 done:
     free(dense); free(mate); free(node_of); free(number); free(member_start); free(member); free(front_of); free(into);
-    free(stack); free(found.element); free(found.parent); free(found.sequence); free(t.parent); free(t.own);
+    free(stack); free(stage); free(found.element); free(found.parent); free(found.sequence); free(t.parent); free(t.own);
     free(t.first_child); free(t.next_child); free(t.rows);
     if (failed) { plan_free(p); return NULL; }
     return p;

@@ -15,11 +15,15 @@
 
 #include "substitute.h"
 
-/* The smallest pivots below SUSPECT are looked at, so many at most and until FUTILE of them have turned out to be none.
+/* The smallest pivots below SUSPECT are looked at, so many at most and until FUTILE of them have turned out to be none, or one
+ * if the next is not below SMALL.
+ * One that has been none is looked at again, with the same plan, where it is AGAIN times smaller than it was then.
  * They are zero when the estimate of the eigenvalue is no more than NULL_ESTIMATE, and its bound no more than NULL_BOUND. */
-#define SUSPECT 1e-6
+#define SUSPECT 1e-4
+#define SMALL 1e-6
 #define SUSPECTS 24
 #define FUTILE 2
+#define AGAIN 10.0
 #define NULL_ESTIMATE 1e-13
 #define NULL_BOUND 1e-10
 #define INVERSE_STEPS 2
@@ -120,7 +124,8 @@ static int find_suspects(kkt *s, suspect *found) {
             double largest = fabs(a) > fabs(b) ? fabs(a) : fabs(b);
             largest = fabs(c) > largest ? fabs(c) : largest;
             double size = kind == ONE ? 1.0 / fabs(a) : largest / fabs(a * c - b * b);
-            if (!(size < SUSPECT) || fabs(a) == 1.0 / REPLACEMENT) continue;
+            double regular = s->regular[s->index[f->index_at + k]];
+            if (!(size < SUSPECT && AGAIN * size < regular) || fabs(a) == 1.0 / REPLACEMENT) continue;
             if (count == SUSPECTS && size >= found[count - 1].size) continue;
             int put = count < SUSPECTS ? count++ : count - 1;
             for (; put > 0 && found[put - 1].size > size; put--) found[put] = found[put - 1];
@@ -137,6 +142,7 @@ static void confirm_zeros(kkt *s) {
     suspect suspects[SUSPECTS];
     int count = find_suspects(s, suspects), futile = 0;
     for (int which = 0; which < count && futile < FUTILE; which++) {
+        if (futile && suspects[which].size > SMALL) break;
         int32_t at = suspects[which].front, k = suspects[which].place;
         const factored *f = &s->fronts[at];
         const int32_t *index = s->index + f->index_at;
@@ -149,6 +155,7 @@ static void confirm_zeros(kkt *s) {
             null = d <= s->options.certain * UNIT * noise;
         }
         if (!null) {
+            s->regular[index[k]] = d;
             futile++;
             continue;
         }

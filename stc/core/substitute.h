@@ -169,10 +169,11 @@ static void begin(const kkt *s, unknowns *u) {
 /* Add a change, and leave in its place what is left to solve for; the change is taken back where it made that worse. */
 static void improve(const kkt *s, unknowns *u, int64_t steps) {
     for (int32_t k = 0; k < s->size; k++) u->x[k] += u->change[k];
+    u->active = 0;
+    if (s->options.refinements == 0) return;
     double *left = s->most; /* only used while a scale is sought */
     double remaining = residual(s, u->b, u->x, left), highest = largest_of(u->x, s->size), before = u->report;
     double gain = LARGEST_GAIN * u->length, now = remaining / (u->length + (highest < gain ? highest : gain));
-    u->active = 0;
     if (!(now < before)) {
         if (steps > 0)
             for (int32_t k = 0; k < s->size; k++) u->x[k] -= u->change[k];

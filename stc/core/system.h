@@ -22,6 +22,7 @@ typedef struct {
 typedef struct {
     int64_t at, index_at;
     int32_t stride, size, delayed, front;
+    int32_t excess; /* pivots of the front and of all below it that are not positive, beyond the rows among them */
 } contribution;
 
 struct kkt {
@@ -40,8 +41,10 @@ struct kkt {
     int32_t *ordered_source, *ordered_diagonal;
     double *diagonal, *value; /* scaled */
     double *scale, *most;
+    double *regular;  /* size of the last pivot of each unknown that was suspected to be zero, and was not, ... */
+    double judged_by; /* ... by this value of options.certain */
     factored *fronts;
-    arena factors, stack, panel;
+    arena factors, stack, panel, front;
     int32_t *index, *local;
     int64_t index_room;
     int32_t local_room;
@@ -52,13 +55,17 @@ struct kkt {
     double *work;     /* for the rows of the largest front, twice */
     int64_t work_room;
     int32_t factorized;
+    int32_t fresh;    /* the plan is new and one of the first */
+    uint8_t *weak;    /* unknowns that have been delayed, being no pivots in their fronts */
     double wasted, allowed; /* operations beyond those planned, and how many are worth another plan */
 };
 
+enum { KKT_GIVEN_UP = -1 };
 enum { ONE = 1, FIRST = 2, SECOND = 3 };
 
 /* What works on numbers (numeric.c): with a plan, values are loaded, then factorised, then solved with. */
-int64_t factorize_all(kkt *s);
+/* With `needed`, only an inertia (n, m, 0) is of use: KKT_GIVEN_UP as soon as there is none. */
+int64_t factorize_all(kkt *s, int needed);
 void load_values(kkt *s, int *finite);
 void solve_system(kkt *s, int both);
 

@@ -17,12 +17,12 @@ from lsprotocol import types as lsp
 from pygls import uris
 from pygls.lsp.server import LanguageServer
 
-from stc import __version__
 from stc.editor.answers import Completion, completions, hover, outline, targets
 from stc.editor.last_solution import LastSolution
 from stc.editor.names import Known, names_of
 from stc.editor.reading import Reading, read
 from stc.errors import Diagnostic, Source
+from stc.version import __version__
 
 __all__ = ["serve"]
 

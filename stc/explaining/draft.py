@@ -30,6 +30,8 @@ STEP, FEWEST, MOST = 0.01, 4, 16
 SAME, NOISE = 0.02, 4.0
 #: A speed below this share of the largest one of its kind is none.
 STILL = 0.1
+#: The share of the model's friction that a page states: MuJoCo's contacts creep where all of it is used.
+_GRIP = 0.9
 #: What the table of the recorded motion is called in a spec, and the constant that weighs the distance from it.
 TABLE, FOLLOW = "recorded", "w_follow"
 
@@ -114,7 +116,8 @@ class Draft:
             landing = f", landing = {weights[LANDING]}" if LANDING in weights else ""
             for contact in self.touching:
                 words = comments.get(LANDING, "") if landing else ""
-                lines.append(_commented(f"  {contact.name} = {contact.spot.written}{landing};", words))
+                grip = f", friction = {_GRIP * contact.spot.friction:.3g}"
+                lines.append(_commented(f"  {contact.name} = {contact.spot.written}{grip}{landing};", words))
             step = self.recording.duration / self.n
             for contact in self.touching:
                 for first, last in contact.ranges:

@@ -22,6 +22,7 @@ from stc.mechanism.refusals import refusals
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
+from stc.studies.effort import Clock
 
 __all__ = ["Explanation", "explain"]
 
@@ -110,6 +111,7 @@ def explain(
     *,
     name: str = "explained",
     folder: str | Path = ".",
+    time_limit: float | None = None,
     on_stage: Callable[[str], None] | None = None,
 ) -> Explanation:
     """Propose a short spec for a recorded motion.
@@ -122,6 +124,8 @@ def explain(
         The model's file.
     name, folder
         What the spec will be called, and where it will be.
+    time_limit
+        Seconds for the search for weights, after which the best ones so far are used, with a note; None for no limit.
     on_stage
         Called with words for what is being done.
 
@@ -139,7 +143,7 @@ def explain(
     made = draft(recording, name, Path(model), Path(folder))
     with TemporaryDirectory(prefix="stc-explain-") as place:
         stages = _Explaining(made, Path(motion).name, Path(model).resolve(), Path(place), tell)
-        return stages.explanation()
+        return stages.explanation(time_limit)
 
 
 class _Explaining:
@@ -167,14 +171,15 @@ class _Explaining:
         self.table = _table(self.recording, made.n)
         (place / f"{TABLE}.csv").write_text(self.table, encoding="utf-8")
 
-    def explanation(self) -> Explanation:
-        """All of it."""
+    def explanation(self, time_limit: float | None) -> Explanation:
+        """All of it, the search for weights within a number of seconds."""
         made = self.made
         self.tell("follows the recorded motion")
         wanted = {term.name: f"w_{term.name}" for term in made.terms}
         model = self._candidate(wanted)
         self.follow = self._followed(model, wanted)
-        inverse = Inverse(model, list(wanted.values()), self.recording.names, self.target, self.follow)
+        clock = Clock(time_limit)
+        inverse = Inverse(model, list(wanted.values()), self.recording.names, self.target, self.follow, clock)
         self.tell("looks for weights: stationarity")
         shares, self.stationarity = inverse.by_stationarity()
         self.tell("looks for weights: distance")
@@ -182,11 +187,19 @@ class _Explaining:
         if weighed is not None:
             self.tell("leaves out terms")
             weighed = inverse.shortened(weighed)
+        cut = clock.is_over
         explained = 0.0 if weighed is None else self._explained(weighed.solution)
         if weighed is None or explained < 1.0 - UNEXPLAINED:
-            return self._unexplained(weighed, explained)
-        self.tell("solves the spec")
-        return self._explanation(inverse, weighed)
+            found = self._unexplained(weighed, explained)
+        else:
+            self.tell("solves the spec")
+            found = self._explanation(inverse, weighed)
+        if cut:
+            found.notes.append(
+                f"the search for weights ended at its time limit of {time_limit:g} s; with more (--search-time) the "
+                "solution may come closer to the recorded motion, and the objective may have fewer terms"
+            )
+        return found
 
     def _model(self, text: str) -> Model:
         path = str(self.place / f"{self.made.name}.stc")

@@ -1,12 +1,13 @@
 """Weights of an objective's terms under which a motion is optimal: inverse optimal control.
 
-First those that leave least of the stationarity condition at the motion itself (Puydupin-Jamin, Johnson & Bretl 2012;
-Englert, Vien & Toussaint 2017): with the gradients g_k of the terms and A of what is active of the rows,
+The first weights are those for which the recorded motion violates the conditions of an optimum least (Puydupin-Jamin,
+Johnson & Bretl 2012; Englert, Vien & Toussaint 2017).  With the gradients g_k of the terms, the Jacobian A of the
+active constraints and their multipliers y,
 
     minimise  | sum_k w_k g_k + A^T y |   over y,   w >= 0,   sum_k w_k = 1,
 
-in a norm that says how far the residual would move the motion.  That asks for no solve, but noise in the motion is in
-its residual as well.  So the weights are then improved by the distance of their own optimal motion from the recorded
+in a norm that says how far the residual would move the motion.  This needs no solve, but is sensitive to noise in the
+motion.  So the weights are then improved by the distance of their own optimal motion from the recorded
 one (Mombaur, Truong & Laumond 2010), here by Gauss-Newton: an optimum moves with the weights by
 
     | H  A^T | | dx |       | g_k |
@@ -29,6 +30,7 @@ from stc.explaining.tangent import Tangent
 from stc.pipeline import Model
 from stc.records import dataclass
 from stc.solution import Solution
+from stc.studies.effort import Clock
 
 __all__ = ["Inverse", "Weighing"]
 
@@ -80,6 +82,8 @@ class Inverse:
         (len(names), n+1) where the recorded motion has them at the frames.
     follow
         A motion that follows the recorded one; a solution of the same spec.
+    clock
+        The time limit of all searches together; once it is over, each returns the best that it has found.
     """
 
     def __init__(
@@ -89,7 +93,9 @@ class Inverse:
         names: Sequence[str],
         target: FloatArray,
         follow: Solution,
+        clock: Clock,
     ) -> None:
+        self.clock = clock
         self.model, self.constants, self.follow = model, list(constants), follow
         self.names, self.target = list(names), target
         self.values = np.ones(len(constants))
@@ -179,6 +185,8 @@ class Inverse:
         """
         damping = 1e-3
         for _ in range(ROUNDS):
+            if self.clock.is_over:
+                break
             wanted = self._improved(best, damping)
             found, step = None, 1.0
             for _ in range(HALVINGS):
@@ -204,7 +212,7 @@ class Inverse:
         """The same with fewer terms, as long as the motion stays about as near to the recorded one."""
         shares = best.shares
         allowed = max((1.0 + WORSE) * best.distance, best.distance + CLOSE)
-        while np.count_nonzero(shares) > 1:
+        while np.count_nonzero(shares) > 1 and not self.clock.is_over:
             slopes, residual = self._slopes(best), self._residual(best.solution)
             trials = []
             for k in np.flatnonzero(shares):
@@ -257,7 +265,10 @@ class Inverse:
     def _solved(self, shares: FloatArray, near: Solution | None) -> Weighing | None:
         shares = shares / max(float(shares.sum()), 1e-300)
         near = self.follow if near is None else near
-        solution = self.model.solve(max_iterations=ITERATIONS, warm_start=near, constants=self._given(shares))
+        if self.clock.is_over:
+            return None
+        given = {"constants": self._given(shares), **self.clock.option()}
+        solution = self.model.solve(max_iterations=ITERATIONS, warm_start=near, **given)
         if solution.status != "optimal":
             return None
         return Weighing(shares, solution, float(np.sqrt(np.mean(self._residual(solution) ** 2))))

@@ -13,9 +13,9 @@ from stc.language.constants import Constants
 from stc.language.definitions import runs
 from stc.language.diagnostics import Diagnostics, derivative_meant, did_you_mean
 from stc.language.habits import function_hint
-from stc.language.kinks import KINKED, kinked
+from stc.language.kinks import kinked
 from stc.language.name_table import DATA_SET, TABLE, NameTable
-from stc.language.numbers import arity_message
+from stc.language.numbers import KINKED, arity_message
 from stc.language.positions import Positions
 from stc.language.words import FUNCTION_ADVICE, OPERATORS, RESERVED, TABLE_ADVICE
 from stc.problem import (

@@ -8,41 +8,17 @@ have no derivative; the message then has the lines that state the same without a
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stc.language import syntax
 from stc.language.name_table import DATA_SET
+from stc.language.numbers import OF_NUMBERS, count_fits
 from stc.problem import CellRef, ConstantRef, IndexRef, TimeRef
 from stc.symbolic.expr import Expr, add, call, evaluate, mul, num, pow_, reachable, sub, symbols
 
 if TYPE_CHECKING:
     from stc.language.expressions import ExpressionBuilder
-
-#: The functions, and how many arguments each takes: at least, at most.
-KINKED: dict[str, tuple[int, float]] = {
-    "abs": (1, 1),
-    "min": (2, math.inf),
-    "max": (2, math.inf),
-    "sign": (1, 1),
-    "floor": (1, 1),
-}
-
-#: What the functions are of numbers.
-OF_NUMBERS: dict[str, Callable[..., float]] = {
-    "abs": abs,
-    "min": min,
-    "max": max,
-    "sign": lambda x: float((x > 0) - (x < 0)),
-    "floor": lambda x: float(math.floor(x)),
-}
-
-
-def count_fits(function: str, given: int) -> bool:
-    """Whether a function accepts a number of arguments."""
-    least, most = KINKED[function]
-    return least <= given <= most
 
 
 def kinked(builder: ExpressionBuilder, node: syntax.Call, arguments: Sequence[Expr]) -> Expr:

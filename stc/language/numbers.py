@@ -7,13 +7,36 @@ from collections.abc import Callable
 from fractions import Fraction
 
 from stc.language import syntax
-from stc.language.kinks import KINKED, OF_NUMBERS, count_fits
 from stc.symbolic.expr import FUNCTIONS
 
 #: Distance from a whole number that counts as rounding noise.
 NOISE = 1e-9
 
 _MATH: dict[str, Callable[..., float]] = {name: getattr(math, name) for name in FUNCTIONS}
+
+#: The functions with a kink, or a jump, and how many arguments each takes: at least, at most.
+KINKED: dict[str, tuple[int, float]] = {
+    "abs": (1, 1),
+    "min": (2, math.inf),
+    "max": (2, math.inf),
+    "sign": (1, 1),
+    "floor": (1, 1),
+}
+
+#: What the functions are of numbers.
+OF_NUMBERS: dict[str, Callable[..., float]] = {
+    "abs": abs,
+    "min": min,
+    "max": max,
+    "sign": lambda x: float((x > 0) - (x < 0)),
+    "floor": lambda x: float(math.floor(x)),
+}
+
+
+def count_fits(function: str, given: int) -> bool:
+    """Whether a function accepts a number of arguments."""
+    least, most = KINKED[function]
+    return least <= given <= most
 
 
 class NotANumber(Exception):

@@ -70,7 +70,7 @@ class Forces:
         self.wrenches.extend([pull.times(force) for pull in line.pulls])
 
     def include(self, other: Forces) -> None:
-        """Add all forces of others."""
+        """Add the forces of another collection to these."""
         for dof, force in other.on_dofs.items():
             self.push(dof, force)
         self.wrenches.extend(other.wrenches)

@@ -100,10 +100,11 @@ class Separation:
         return self._seen(direction, dot(direction, self.centre), _SIDES)
 
     def value(self) -> Expr:
-        """The distance to about 1e-4 of the sizes, from below; its derivatives are large, and it needs many operations.
+        """The distance of the two shapes, too small by at most about 1e-4 of their sizes.
 
-        The greatest gap of several directions: the sides of the cores and what is at right angles to two of them, which
-        are all that matter where faces or edges are nearest, and :meth:`direction` for corners.
+        It is the largest gap along any of several directions: the normals of the sides, the directions perpendicular to
+        one side's normal of each shape (faces or edges are nearest along one of these), and :meth:`direction` for
+        corners.  Its derivatives are large, and it takes many operations.
         """
         if self.normal is not None or self.is_smooth:
             return self._seen(self.direction(), dot(self.direction(), self.centre), _SHARP)

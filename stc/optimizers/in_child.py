@@ -100,6 +100,7 @@ def _note(monitor: Monitor, told: IterationRecord) -> None:
     monitor.iterations = told.iteration
     try:
         monitor.record(
+            told.phase,
             lambda: (x, np.zeros(0)),
             told.objective,
             told.violation,
@@ -108,7 +109,6 @@ def _note(monitor: Monitor, told: IterationRecord) -> None:
             told.step_length,
             told.mu,
             told.regularization,
-            told.phase,
         )
     except Stopped as stopped:
         if stopped.status is not Status.TIME_LIMIT:  # of which `_followed` decides

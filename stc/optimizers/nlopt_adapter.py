@@ -410,9 +410,7 @@ class _Watch:
         if not whole:
             monitor.note(x, f, violation)
             return
-        monitor.record(
-            lambda: (x.copy(), np.zeros(0)), f, violation, optimality, step, 1.0, 0.0, 0.0, "nlopt"
-        )
+        monitor.record("nlopt", lambda: (x.copy(), np.zeros(0)), f, violation, optimality, step)
         if solve.optimal_at is not None:
             self._stop(None)
             return

@@ -166,6 +166,7 @@ class _Solve:
         found = judged.conditions
         size = step if np.isfinite(step) else 0.0
         self.monitor.record(
+            "witkin-kass",
             lambda: (point.x, judged.y),
             point.f,
             found.violation,
@@ -174,7 +175,6 @@ class _Solve:
             length,
             0.0,
             0.0 if self.printed else self.sigma * self._scale(point),
-            "witkin-kass",
         )
 
     def _judged(self, point: _Point) -> Judgement:

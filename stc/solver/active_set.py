@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 
 from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, REFINEMENTS
-from stc.solver.filter_line_search import HALF
+from stc.solver.constants import ACCURATE, CONTRACTION, HALF
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
@@ -28,34 +28,16 @@ from stc.solver.nlp import Floats, Mask
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.products import NOTHING, ROUNDED, at_bounds, between
 from stc.solver.projection import Projection, ProjectionPair
-from stc.solver.projection_kernels import ACCURATE, CONTRACTION
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
-    "Finish",
-    "Projection",
-    "bends_upwards",
-    "fitting_multipliers",
-    "newton_on_active_set",
-    "newton_point",
-    "project",
-]
+    "Finish", "bends_upwards", "fitting_multipliers", "newton_on_active_set", "newton_point",
+]  # fmt: skip
 
 NEAR = 1e-2
 STEPS = 8
 PATIENCE = 2
 """From a neighbour: how many steps may fail to halve the error."""
-
-
-def project(form: ScaledProblem, x: Floats, y: Floats) -> Projection | None:
-    """The projected optimality conditions at ``(x, y)``, whose arrays serve the next call; None where a function is
-    undefined.
-    """
-    if form.projection is None:
-        form.projection = Projection(form)
-    point = form.projection
-    point.x[:], point.y[:] = x, y
-    return point if point.evaluate() else None
 
 
 def newton_on_active_set(
@@ -101,17 +83,8 @@ def newton_on_active_set(
         contraction = new.error / max(error, 1e-300)
         certified = True
         monitor.count()
-        monitor.record(
-            partial(form.as_stated, new.x, new.y),
-            form.user_objective(new.f),
-            new.violation,
-            new.error,
-            float(pair.largest[0]),
-            1.0,
-            0.0,
-            0.0,
-            "active-set",
-        )
+        as_stated, f = partial(form.as_stated, new.x, new.y), form.user_objective(new.f)
+        monitor.record("active-set", as_stated, f, new.violation, new.error, pair.change)
         pair.swap()
     return pair.point, certified and pair.point.error <= tolerance
 
@@ -188,12 +161,12 @@ def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:
     multipliers would have to pull the wrong way, until none has to.
     """
     y = np.zeros(form.m)
-    point = project(form, x, y)
-    if point is None:
+    _, r = form.values(x)
+    gradient, jac, hess = form.derivatives(x, y)
+    if not np.isfinite(r.sum() + gradient.sum() + jac.sum() + hess.sum()):
         return y
-    gradient, jac = point.gradient.copy(), point.jac.copy()
     below_x, above_x = at_bounds(x, *form.true_x, ACCEPTABLE)
-    below, above = at_bounds(point.r, *form.true_rows, ACCEPTABLE)
+    below, above = at_bounds(r, *form.true_rows, ACCEPTABLE)
     for _ in range(CHANGES):
         free, active = ~(below_x | above_x), below | above
         balance = _balancing(form, jac, free, active)

@@ -96,7 +96,7 @@ class _Passes:
     def penalised(self, weight: float, start: Start) -> Result:
         """One pass."""
         program = Penalised(self.nlp, self.pairs, weight)
-        passed = self._solved(program, _start_of(start, program))
+        passed = self._solved(program, start.mapped(program.start))
         return self._as_of(passed, program.all_multipliers(passed.row_multipliers))
 
     def held(self, result: Result) -> Result:
@@ -183,23 +183,6 @@ def _first_weight(nlp: NLP, pairs: Pairs, start: Start) -> float:
     products = float(np.abs(jac[entries] * size[nlp.jac_cols[entries]]).max(initial=0.0))
     weight = FIRST_WEIGHT * slope / products if slope > 0.0 and products > 0.0 else 1.0
     return weight if np.isfinite(weight) else 1.0
-
-
-def _start_of(start: Start, program: Penalised) -> Start:
-    """A start of the whole program, as it concerns the penalised one."""
-    y, another = start.row_multipliers, start.another
-
-    def other(left: int) -> tuple[Start | None, int]:
-        assert another is not None
-        found, spent = another(left)
-        return None if found is None else _start_of(found, program), spent
-
-    return Start(
-        start.x,
-        None if y is None else y[program.kept],
-        start.bound_multipliers,
-        None if another is None else other,
-    )
 
 
 def _told(callback: Callback | None, before: int) -> Callback | None:

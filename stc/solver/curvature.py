@@ -20,14 +20,11 @@ from enum import Enum
 
 import numpy as np
 
-from stc.solver.barrier_update import SMALLEST_TAU
-from stc.solver.filter_line_search import MOST_CORRECTIONS
-from stc.solver.iterate import evaluate
+from stc.solver.constants import CONTRACTION, MOST_CORRECTIONS, SMALLEST_TAU
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.outcome import SHORT_BUDGET
 from stc.solver.products import NOTHING, inner, norm
-from stc.solver.projection_kernels import CONTRACTION
 from stc.solver.scaled_problem import NEARBY, ScaledProblem
 from stc.solver.starting import active_iterate
 from stc.solver.workspace import workspace_of
@@ -86,8 +83,8 @@ def leave_saddle(system: NewtonSystem, seed: int, probe: bool = False) -> Second
     moved = _lower(system, dw, few=flat, beyond_errors=probe)
     if moved is None:
         return SecondOrder.FLAT if flat else SecondOrder.FAILS
-    work.load(evaluate(form, moved, it.y.copy(), it.z.copy()))
-    work.provide_attempt()
+    work.evaluate(moved, it.y, it.z)
+    work.renew_calls()
     return SecondOrder.LOWER if flat else SecondOrder.LEFT
 
 

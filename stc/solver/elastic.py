@@ -21,17 +21,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.core.calls import CallTable, chain
-from stc.solver import elastic_kernels
+from stc.core.functions import function
+from stc.core.structures import structure
+from stc.solver.constants import ATTEMPT, CALLS
 from stc.solver.evaluator import Evaluator
-from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate, evaluate
-from stc.solver.kernels import copy
+from stc.solver.formulation import Formulation, linear_system_of
+from stc.solver.iterate import Iterate
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies
 from stc.solver.nlp import Floats
-from stc.solver.products import inner
 from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.state import VIOLATION
+from stc.solver.workspace import workspace_of
 
 if TYPE_CHECKING:
     from stc.core.calls import Bound
@@ -54,24 +54,16 @@ class ElasticKKT(ByCopies):
         self.report, self.accuracy = base.report, base.accuracy
         self.inertia = np.zeros(3, dtype=np.int64)
         self._factorized = False
-        sizes, inverse = (n, m, jac_entries), np.zeros(2 * m)
-        self._eliminate = elastic_kernels.eliminate.bind(
-            *sizes, self.jac, self.primal, self.dual, inverse, base.jac, base.primal, base.dual
+        self._calls = CallTable(CALLS)
+        self._system = system = structure("elastic_system")(
+            n=n, m=m, jac_entries=jac_entries, calls=self._calls.cells, own=linear_system_of(base),
+            kkt=linear_system_of(self), inverse=np.zeros(2 * m), inertia=self.inertia,
+        )  # fmt: skip
+        self._eliminate, self._attempt = (
+            function(f"elastic_{name}").bind(system) for name in ("eliminate", "attempt")
         )
-        self._calls = CallTable(elastic_kernels.CALLS)
-        self._calls.put(elastic_kernels.ELIMINATE, self._eliminate)
-        self._attempt = elastic_kernels.attempt.bind(self._calls.cells, m, base.inertia, self.inertia)
-        self._begin, self._begin_second = (
-            elastic_kernels.hand_on.bind(*sizes, self.jac, inverse, rhs, own)
-            for rhs, own in ((self.rhs, base.rhs), (self.second_rhs, base.second_rhs))
-        )
-        self._end, self._end_second = (
-            elastic_kernels.complete.bind(*sizes, self.jac, inverse, rhs, own, solution)
-            for rhs, own, solution in (
-                (self.rhs, base.solution, self.solution),
-                (self.second_rhs, base.second_solution, self.second_solution),
-            )
-        )
+        self._begin, self._begin_second = (function("elastic_hand_on").bind(system, k) for k in range(2))
+        self._end, self._end_second = (function("elastic_complete").bind(system, k) for k in range(2))
         self._solve_of: Bound | None = None  # those of the base that the own ones are made of
         self._solve_both_of: Bound | None = None
 
@@ -104,7 +96,7 @@ class ElasticKKT(ByCopies):
     def attempt_call(self) -> Bound | None:
         """See ``AttachedKKT.attempt_call``."""
         own = self._base.attempt_call if self._factorized else None
-        self._calls.put(elastic_kernels.ATTEMPT, own)
+        self._calls.put(ATTEMPT, own)
         return None if own is None else self._attempt
 
     def resume(self, ended: int) -> Inertia:
@@ -167,6 +159,7 @@ class ElasticProblem(Formulation):
             row_lower,
             row_upper,
         )
+        self.own_gaps = (self.index < n) | (self.index >= self.n)  # those of the problem itself
         rows = np.arange(m)
         self._set_pattern(
             np.concatenate([base.jac_rows, rows, rows]),
@@ -211,20 +204,10 @@ class ElasticProblem(Formulation):
         return float(np.abs(slope).max(initial=0.0)) > tolerance * self.price
 
     def values(self, x: Floats) -> tuple[float, Floats]:
-        own, p, q = self.split(x)
-        _, r = self.base.values(own)
-        away = own - self._reference
-        cost = self.price * float(p.sum() + q.sum()) + 0.5 * inner(self._curvature, away * away)
-        return cost, r - p + q
-
-    def derivatives(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        own, _, _ = self.split(x)
-        _, jac, hess = self.base.weighted_derivatives(own, y, 0.0)
-        full = np.full(self.n, self.price)
-        full[: self.base.n] = self._curvature * (own - self._reference)
-        if self.any_held:
-            full[self.held] = 0.0
-        return full, np.concatenate([jac, self._columns]), hess
+        ev = workspace_of(self).evaluator
+        ev.x[:] = x
+        ev.values_call()
+        return float(ev.f[0]), ev.r.copy()
 
     def evaluator(self) -> Evaluator:
         base, plain, n, m = self.base, self._own_evaluator, self.base.n, self.m
@@ -235,37 +218,27 @@ class ElasticProblem(Formulation):
         plain.weight[0] = 0.0
         ev.gradient[n:] = np.where(self.held, 0.0, self.price)[n:]
         ev.jac[entries:] = self._columns
-        place = copy.bind(n, ev.x, plain.x)
-        away = self._curvature, self._reference
-        ev.values_call = chain(
-            [
-                place,
-                plain.values_call,
-                elastic_kernels.values.bind(
-                    n, m, self.price, *away, plain.r, plain.values_status, ev.x, ev.f, ev.r, ev.values_status
-                ),
-            ]
+        place = function("point_copy").bind(n, ev.x, plain.x)
+        place_multipliers = function("point_copy").bind(m, ev.y, plain.y)
+        program = structure("elastic_program")(
+            n=n, m=m, jac_entries=entries, price=self.price, free=base.free_factor, curvature=self._curvature,
+            reference=self._reference, own=plain.structure(), at=ev.structure(),
         )  # fmt: skip
-        ev.derivatives_call = chain(
-            [
-                place,
-                copy.bind(m, ev.y, plain.y),
-                plain.derivatives_call,
-                elastic_kernels.derivatives.bind(
-                    n, entries, base.free_factor, *away, plain.jac, ev.x, ev.gradient, ev.jac
-                ),
-            ]
-        )  # fmt: skip
+        values, derivatives = (
+            function(f"elastic_{name}").bind(program) for name in ("values", "derivatives")
+        )
+        ev.values_call = chain([place, plain.values_call, values])
+        ev.derivatives_call = chain([place, place_multipliers, plain.derivatives_call, derivatives])
         return ev
 
-    def watch_call(self, it: Iterate, numbers: Floats) -> Bound:
+    def watch_call(self, it: Iterate, violation: Floats, stated: Floats) -> Bound:
         base, plain = self.base, self._own_evaluator
         return chain(
             [
-                copy.bind(base.n, it.w, plain.x),
+                function("point_copy").bind(base.n, it.w, plain.x),
                 plain.values_call,
-                base.violation_call(plain.x, plain.r, numbers[VIOLATION : VIOLATION + 1]),
-                elastic_kernels.state.bind(base.objective_unit, plain.f, numbers),
+                base.violation_call(plain.x, plain.r, violation),
+                function("elastic_state").bind(base.objective_unit, plain.f, stated),
             ]
         )
 
@@ -273,7 +246,7 @@ class ElasticProblem(Formulation):
         return self.base.user_variables(self.split(x)[0])
 
     def start(self, w: Floats, y: Floats, z_base: Floats, mu: float) -> Iterate:
-        """An iterate at the problem's own point ``w`` (n + m,), p and q optimal for it at ``mu``.
+        """Move the workspace's iterate to the problem's own point ``w`` (n + m,), p and q optimal for it at ``mu``.
 
         Args:
             y: row multipliers to begin with, (m,).
@@ -290,6 +263,5 @@ class ElasticProblem(Formulation):
         p[base.ignored] = q[base.ignored] = 0.0
         full = np.concatenate([w[:n], p, q, w[n:]])
         z = mu / self.gap(full)
-        own = ~((self.index >= n) & (self.index < self.n))
-        z[own] = np.minimum(price, z_base)
-        return evaluate(self, full, y, z)
+        z[self.own_gaps] = np.minimum(price, z_base)
+        return workspace_of(self).evaluate(full, y, z)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.calls import Bound
+from stc.core.structures import Structure, structure
 from stc.records import dataclass, field
 from stc.solver.nlp import NLP, Floats, Ints, Mask
 
@@ -20,16 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 __all__ = [
-    "Evaluable",
-    "Evaluator",
-    "Part",
-    "PartlyEvaluable",
-    "Scaling",
-    "Stated",
-    "evaluator_of",
-    "python_evaluator",
+    "Evaluable", "Evaluator", "Part", "PartlyEvaluable", "Scaling", "Stated", "evaluator_of", "python_evaluator",
     "status_of",
-]
+]  # fmt: skip
 
 Places = NDArray[np.int32]
 
@@ -156,28 +150,22 @@ class Evaluator:
     values_call: Bound
     derivatives_call: Bound
 
+    def structure(self) -> Structure:
+        """The arrays for functions of the core (``evaluation`` in ``iteration.h``)."""
+        return structure("evaluation")(
+            x=self.x, y=self.y, f=self.f, r=self.r, gradient=self.gradient, jac=self.jac, hess=self.hess,
+            values_status=self.values_status, derivatives_status=self.derivatives_status,
+        )  # fmt: skip
+
     @classmethod
     def allocate(cls, n: int, m: int, jac_entries: int, hess_entries: int) -> Evaluator:
         """The arrays, zero; the calls do nothing yet."""
-        nothing = Bound.of_python(_nothing, ())
+        nothing, zeros = Bound.of_python(lambda: None, ()), np.zeros
         return cls(
-            x=np.zeros(n),
-            y=np.zeros(m),
-            weight=np.ones(1),
-            f=np.zeros(1),
-            r=np.zeros(m),
-            values_status=np.zeros(1),
-            gradient=np.zeros(n),
-            jac=np.zeros(jac_entries),
-            hess=np.zeros(hess_entries),
-            derivatives_status=np.zeros(1),
-            values_call=nothing,
-            derivatives_call=nothing,
-        )
-
-
-def _nothing() -> None:
-    pass
+            x=zeros(n), y=zeros(m), weight=np.ones(1), f=zeros(1), r=zeros(m), values_status=zeros(1),
+            gradient=zeros(n), jac=zeros(jac_entries), hess=zeros(hess_entries), derivatives_status=zeros(1),
+            values_call=nothing, derivatives_call=nothing,
+        )  # fmt: skip
 
 
 @runtime_checkable

@@ -4,33 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.elastic import ElasticProblem
-from stc.solver.filter_line_search import SMALL_VIOLATION
+from stc.solver.constants import SMALL_VIOLATION
 from stc.solver.interior import optimise
-from stc.solver.iterate import Iterate
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import BUDGET, End, Outcome, Tactics
-from stc.solver.restoration import elastic_of, meet_rows, returned
+from stc.solver.restoration import elastic_of, returned
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import cold_iterate
 
-__all__ = ["feasible_first", "least_violation"]
-
-
-def feasible_first(
-    form: ScaledProblem, it: Iterate, options: Options, monitor: Monitor, tactics: Tactics
-) -> Outcome:
-    """As :func:`stc.solver.interior.optimise`, from the feasible point that the elastic problem near ``it`` has."""
-
-    def solve(elastic: ElasticProblem, start: Iterate, mu: float) -> Outcome:
-        return optimise(elastic, start, mu, options, monitor, tactics=tactics)
-
-    end, outcome = meet_rows(form, it, options.initial_barrier, options.feasibility_tolerance, solve)
-    if end is not None:
-        return Outcome(end, form, it.w[: form.n].copy(), it.y.copy(), outcome.error, it)
-    return optimise(form, it, options.initial_barrier, options, monitor, tactics=tactics)
+__all__ = ["least_violation"]
 
 
 def least_violation(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-from stc.records import dataclass
 from stc.solver.kkt.contract import KKTSystem
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.nlp import NLP, Floats
@@ -27,28 +26,8 @@ def same(a: Floats, b: Floats) -> bool:
     return a is b or bool((a == b).all())
 
 
-@dataclass(frozen=True, slots=True)
-class Key:
-    """What a form depends on: where it is scaled, the bounds of the variables, and the settings.
-
-    Attributes:
-        x0, lower, upper: (n,) each.
-        scaling: see :class:`Options`.
-        new_kkt: builds the linear algebra.
-    """
-
-    x0: Floats
-    lower: Floats
-    upper: Floats
-    scaling: bool
-    new_kkt: Callable[..., KKTSystem]
-
-    def is_like(self, other: Key) -> bool:
-        """Whether a form for the other one serves."""
-        if self.scaling != other.scaling or self.new_kkt is not other.new_kkt:
-            return False
-        pairs = (self.lower, other.lower), (self.upper, other.upper), (self.x0, other.x0)
-        return all(same(a, b) for a, b in pairs)
+#: What a form depends on: where it is scaled and the bounds of the variables, (n,) each; and the settings.
+Key = tuple[tuple[Floats, Floats, Floats], tuple[bool, Callable[..., KKTSystem]]]
 
 
 class Keeper:
@@ -71,7 +50,9 @@ class Keeper:
     def take(self, key: Key) -> ScaledProblem | None:
         """What was left under this key; whatever was left is gone then."""
         kept, self._kept = self._kept, None
-        return kept[1] if kept is not None and kept[0].is_like(key) else None
+        if kept is None or kept[0][1] != key[1] or not all(map(same, kept[0][0], key[0])):
+            return None
+        return kept[1]
 
     def give(self, key: Key, form: ScaledProblem) -> None:
         """Leave a form, of which nobody makes use any more."""
@@ -81,20 +62,24 @@ class Keeper:
 
 def once(find: Callable[[P], T], nlp: P) -> T:
     """What ``find`` tells of a program, asked once where there is somebody to keep it (see ``Keeper.once``)."""
-    keeper: Keeper | None = getattr(nlp, "keeper", None)
+    keeper = _keeper(nlp)
     return find(nlp) if keeper is None else keeper.once(find, nlp)
+
+
+def _keeper(nlp: NLP) -> Keeper | None:
+    return getattr(nlp, "keeper", None)
 
 
 def key_of(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> Key | None:
     """What a form of ``nlp`` that is scaled at ``x0`` (n,) depends on; None for programs that are not kept."""
-    if getattr(nlp, "keeper", None) is None or nlp.n + nlp.m > LARGEST:
+    if _keeper(nlp) is None or nlp.n + nlp.m > LARGEST:
         return None
-    return Key(x0, nlp.x_lower, nlp.x_upper, options.scaling, new_kkt)
+    return (x0, nlp.x_lower, nlp.x_upper), (options.scaling, new_kkt)
 
 
 def kept_form(nlp: NLP, key: Key | None) -> ScaledProblem | None:
     """The form that an earlier solve has left, whose functions have values at its start; None where there is none."""
-    keeper: Keeper | None = getattr(nlp, "keeper", None)
+    keeper = _keeper(nlp)
     form = None if keeper is None or key is None else keeper.take(key)
     if form is None or not isinstance(form.kkt, StructuredKKT):
         return None
@@ -105,6 +90,6 @@ def kept_form(nlp: NLP, key: Key | None) -> ScaledProblem | None:
 
 def give_back(form: ScaledProblem, nlp: NLP, key: Key | None) -> None:
     """Keep a form for the next solve of the same program."""
-    keeper: Keeper | None = getattr(nlp, "keeper", None)
+    keeper = _keeper(nlp)
     if keeper is not None and key is not None and isinstance(form.kkt, StructuredKKT):
         keeper.give(key, form)

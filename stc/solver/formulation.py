@@ -10,61 +10,44 @@ and the Lagrangian is ``f + y.(r - s) - z.gap``.
 
 from __future__ import annotations
 
-import weakref
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stc.core.calls import Bound
-from stc.solver.evaluator import Evaluator, status_of
-from stc.solver.kernels import EQUALITY, IGNORED, INEQUALITY, overstepped
-from stc.solver.kkt.arrangement import sort_by_key
+from stc.core.functions import function
+from stc.core.structures import Structure, structure
+from stc.solver.constants import EQUALITY, IGNORED, INEQUALITY
+from stc.solver.evaluator import Evaluator
 from stc.solver.kkt.attached import attached
+from stc.solver.kkt.couplings import sort_by_key
 from stc.solver.nlp import Floats, Ints, Mask
 from stc.solver.products import Indices, symmetric_times, times
-from stc.solver.state import VIOLATION
 
 if TYPE_CHECKING:
     from stc.solver.iterate import Iterate
     from stc.solver.kkt.contract import AttachedKKT, KKTSystem
     from stc.solver.workspace import Workspace
 
-__all__ = ["Formulation", "summed"]
+__all__ = ["Formulation", "linear_system_of", "summed"]
 
 #: From so many gaps on, as motions have them, each of them matters little.
 MANY_GAPS = 100
 
 
-def _form_evaluator(form: Formulation) -> Evaluator:
-    """The evaluator of a form that evaluates in Python."""
-    result = Evaluator.allocate(form.n, form.m, form.jac_rows.size, form.hess_rows.size)
-    own = weakref.ref(form)  # which keeps the evaluator
-
-    def values() -> None:
-        its = own()
-        assert its is not None
-        result.f[0], result.r[:] = its.values(result.x)
-
-    def derivatives() -> None:
-        its = own()
-        assert its is not None
-        into = result.gradient, result.jac, result.hess
-        for part, out in zip(its.derivatives(result.x, result.y), into, strict=True):
-            out[:] = part
-        result.derivatives_status[0] = status_of(*into)
-
-    result.values_call, result.derivatives_call = (
-        Bound.of_python(values, ()),
-        Bound.of_python(derivatives, ()),
-    )
-    return result
-
-
 def summed(index: Ints, values: Floats, size: int) -> Floats:
     """Entry k is the sum of the values whose index is k, (size,)."""
     return cast("Floats", np.bincount(index, weights=values, minlength=size))
+
+
+def linear_system_of(kkt: AttachedKKT) -> Structure:
+    """The arrays of a system for functions of the core (``linear_system`` in ``iteration.h``)."""
+    return structure("linear_system")(
+        hess=kkt.hess, jac=kkt.jac, primal=kkt.primal, dual=kkt.dual, rhs=kkt.rhs, second_rhs=kkt.second_rhs,
+        solution=kkt.solution, second_solution=kkt.second_solution, report=kkt.report, accuracy=kkt.accuracy,
+        inertia=kkt.inertia,
+    )  # fmt: skip
 
 
 class Formulation:
@@ -87,7 +70,7 @@ class Formulation:
         extra_diagonal: constant added to the Hessian's diagonal, (n,), or None.
         kkt: the linear algebra for this sparsity.
         stated_limits: of rows and of variables: which ones, the limits, and the factors that turn
-            ``limit - value`` into a violation in the user's terms; None where there are no such terms.
+            ``limit - value`` into a violation in the user's terms.
         workspace: see :func:`stc.solver.workspace.workspace_of`.
     """
 
@@ -100,7 +83,7 @@ class Formulation:
     quadratic_objective: bool = False
     extra_diagonal: Floats | None = None
     workspace: Workspace | None = None
-    stated_limits: tuple[Indices, Floats, Floats, Indices, Floats, Floats] | None = None
+    stated_limits: tuple[Indices, Floats, Floats, Indices, Floats, Floats]
 
     def _set_bounds(self, x_lower: Floats, x_upper: Floats, row_lower: Floats, row_upper: Floats) -> None:
         n, m = self.n, self.m
@@ -125,7 +108,6 @@ class Formulation:
         self.any_inequality = bool(self.inequality.any())
         self.any_ignored = bool(self.ignored.any())
         self.moving = np.concatenate([self.free, self.inequality])  # entries of w that the iteration changes
-        self.all_moving = bool(self.moving.all())
         self.size = n + m
         # The same for compiled passes.
         self.free_factor, self.moving_factor = self.free.astype(float), self.moving.astype(float)
@@ -139,40 +121,47 @@ class Formulation:
         """``kkt`` with arrays that everybody who works on this form writes into."""
         return attached(self.kkt, self.n, self.m, self.jac_rows.size, self.hess_rows.size)
 
+    @cached_property
+    def linear_system(self) -> Structure:
+        """The arrays of ``attached_kkt`` for functions of the core."""
+        return linear_system_of(self.attached_kkt)
+
     def evaluator(self) -> Evaluator:
         """Functions and derivatives at fixed places."""
-        return _form_evaluator(self)
+        raise NotImplementedError
 
-    def watch_call(self, it: Iterate, numbers: Floats) -> Bound | None:
-        """The call that notes what the iterate is in the user's terms: the violation, and the objective where a factor
-        does not tell; None where only Python does."""
-        if self.stated_limits is None:
-            return None
-        return self.violation_call(it.w, it.r, numbers[VIOLATION : VIOLATION + 1])
+    def watch_call(self, it: Iterate, violation: Floats, stated: Floats) -> Bound:
+        """The call that notes what the iterate is in the user's terms: the ``violation`` (1,), and the objective,
+        ``stated`` (1,), where a factor does not tell."""
+        return self.violation_call(it.w, it.r, violation)
 
     def violation_call(self, x: Floats, r: Floats, out: Floats) -> Bound:
-        """The call that leaves in ``out`` (1,) the largest violation in the user's terms, of a form with limits."""
-        assert self.stated_limits is not None
+        """The call that leaves in ``out`` (1,) the largest violation in the user's terms."""
         row_places, row_limits, row_units, x_places, x_limits, x_units = self.stated_limits
-        return overstepped.bind(
+        return function("point_overstepped").bind(
             row_places.size, row_places, row_limits, row_units, r, x_places.size, x_places, x_limits, x_units, x, out
         )  # fmt: skip
 
     @cached_property
-    def jac_columns(self) -> tuple[NDArray[np.int32], ...]:
-        """The Jacobian's entries by columns: where each begins, (n + 1,); the entries, (nnz_J,); their rows."""
-        order, start = sort_by_key(self.jac_cols.astype(np.int32), self.n)
-        return start, order, self.jac_rows[order].astype(np.int32)
-
-    @cached_property
-    def jac_of_inequalities(self) -> Indices:
-        """Which of the Jacobian's entries are in rows with a slack."""
-        return np.flatnonzero(self.inequality[self.jac_rows])
-
-    @cached_property
-    def hess_diagonal(self) -> Indices:
-        """Which of the Hessian's entries are on its diagonal."""
-        return np.flatnonzero(self.hess_rows == self.hess_cols)
+    def structure(self) -> Structure:
+        """The form for functions of the core (``formulation`` in ``iteration.h``)."""
+        n = self.n
+        extra = np.zeros(n) if self.extra_diagonal is None else self.extra_diagonal
+        order, start = sort_by_key(self.jac_cols.astype(np.int32), n)
+        slacked = np.flatnonzero(self.inequality[self.jac_rows])
+        diagonal = np.flatnonzero(self.hess_rows == self.hess_cols)
+        variable, entry = self.convex
+        return structure("formulation")(
+            n=n, m=self.m, size=self.size, gaps=self.gaps, jac_entries=self.jac_rows.size,
+            hess_entries=self.hess_rows.size, slack_entries=slacked.size, diagonal_entries=diagonal.size,
+            convex_entries=entry.size, moving_entries=max(1, int(self.moving.sum())), many_gaps=self.many_gaps,
+            any_equality=self.any_equality, objective_unit=self.objective_unit, index=self.index, sign=self.sign,
+            bound=self.bound, lower=self.lower, upper=self.upper, kind=self.kind, free=self.free_factor,
+            moving=self.moving_factor, extra_diagonal=extra, jac_rows=self.jac_rows, jac_cols=self.jac_cols,
+            hess_rows=self.hess_rows, hess_cols=self.hess_cols, column_start=start, column_entry=order,
+            column_row=self.jac_rows[order].astype(np.int32), slack_entry=slacked, diagonal_entry=diagonal,
+            convex_entry=entry, convex_variable=variable,
+        )  # fmt: skip
 
     def _set_pattern(self, jac_rows: Ints, jac_cols: Ints, hess_rows: Ints, hess_cols: Ints) -> None:
         self.jac_rows = np.ascontiguousarray(jac_rows, dtype=np.int64)
@@ -180,27 +169,17 @@ class Formulation:
         self.hess_rows = np.ascontiguousarray(hess_rows, dtype=np.int64)
         self.hess_cols = np.ascontiguousarray(hess_cols, dtype=np.int64)
 
-    # -- functions ---------------------------------------------------------------------------------------------
-
     def values(self, x: Floats) -> tuple[float, Floats]:
         """Objective and rows (m,) at ``x`` (n,)."""
-        raise TypeError(f"{type(self).__name__} does not evaluate functions")
-
-    def derivatives(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Gradient (n,), Jacobian entries and the Lagrangian's Hessian entries, all owned by the caller."""
-        raise TypeError(f"{type(self).__name__} does not evaluate functions")
+        raise NotImplementedError
 
     def user_variables(self, x: Floats) -> Floats:
-        """Variables in the user's terms, (n,), owned by the caller."""
-        raise TypeError(f"{type(self).__name__} has no user's terms")
+        """Variables in the user's terms, owned by the caller."""
+        raise NotImplementedError
 
     def user_objective(self, f: float) -> float:
         """Objective in the user's terms."""
-        raise TypeError(f"{type(self).__name__} has no user's terms")
-
-    def user_measures(self, x: Floats, f: float, r: Floats) -> tuple[float, float]:
-        """Objective and violation in the user's terms."""
-        raise TypeError(f"{type(self).__name__} has no user's terms")
+        raise NotImplementedError
 
     # -- products ----------------------------------------------------------------------------------------------
 

@@ -13,62 +13,32 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.solver.active_set import Finish, bends_upwards
-from stc.solver.barrier_update import DOUBTFUL_SOLUTION, SMALLEST_TAU
-from stc.solver.curvature import ESCAPES, SecondOrder, leave_saddle
-from stc.solver.filter_line_search import (
-    CALL_MISSING,
+from stc.solver.constants import (
+    ACCURATE,
+    ATTEMPT,
+    BLOCKED,
     CORRECTION_PROGRESS,
+    FACTORIZATION,
+    LARGEST_ERROR,
+    LOOK,
     MOST_CORRECTIONS,
     NOT_FINITE,
+    SEARCH,
+    SHORT,
     SMALL_VIOLATION,
+    SMALLEST_TAU,
     TAKEN,
 )
+from stc.solver.curvature import ESCAPES, SecondOrder, leave_saddle
 from stc.solver.formulation import MANY_GAPS, Formulation
 from stc.solver.iterate import Iterate
-from stc.solver.iteration_calls import BLOCKED, FACTORIZATION, LOOK, SEARCH, stages_of
-from stc.solver.kkt.frontal import DOUBTFUL
+from stc.solver.kkt.multifrontal import DOUBTFUL
 from stc.solver.monitor import Monitor
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome, Tactics
-from stc.solver.progress import Drift, Nearest, Stall
-from stc.solver.progress_kernels import LARGEST_ERROR, SHORT
-from stc.solver.projection_kernels import ACCURATE
 from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.state import (
-    ADAPTIVE,
-    ATTEMPT,
-    ATTENTION,
-    BEST_KNOWN,
-    BEST_NEW,
-    BEST_OBJECTIVE,
-    BEST_VIOLATION,
-    CHANGED,
-    DOUBT,
-    ENDED_BY,
-    ERROR,
-    FARTHEST,
-    FEASIBILITY,
-    FREE,
-    LARGEST_MU,
-    LENGTH,
-    LENGTH_TAKEN,
-    LENGTHENS,
-    MADE,
-    MOST,
-    MU,
-    PRIMAL,
-    PRODUCTS,
-    ROW,
-    SHORTEST,
-    SMALL_THETA,
-    SMALLEST_MU,
-    STEP_TAKEN,
-    STUCK,
-    TAU,
-    TINY,
-)
 from stc.solver.unboundedness import LOW, TOO_FAR, is_unbounded
 from stc.solver.workspace import LONGEST_RUN, Step, workspace_of
 
@@ -105,69 +75,67 @@ def optimise(
     Raises:
         Stopped: at a limit or on the user's request.
     """
-    return _Loop(form, it, mu, options, monitor, tactics, stop).run()
+    return _Loop(form, options, monitor, tactics, stop).run(it, mu)
 
 
 class _Loop:
     """The iteration and its state."""
 
     def __init__(
-        self,
-        form: Formulation,
-        it: Iterate,
-        mu: float,
-        options: Options,
-        monitor: Monitor,
-        tactics: Tactics,
-        stop: Condition | None,
+        self, form: Formulation, options: Options, monitor: Monitor, tactics: Tactics, stop: Condition | None
     ) -> None:
         self.form, self.options, self.monitor = form, options, monitor
         self.work = workspace_of(form)
-        self.work.load(it)
         self.it, self.s = self.work.it, self.work.s
-        self.stages = stages_of(self.work)
         self.work.calls.forget()
         self.tactics, self.stop = tactics, stop
         self.system = NewtonSystem(self.work)
         self.finish = Finish(form, options.tolerance, monitor)
-        self.drift = Drift(self.work)
+        self.s.objective_now, self.s.dual_now = np.nan, np.inf
         self.last = monitor.iterations + tactics.budget
         self.escapes = self.restorations = 0
         self.early = False
-        self.adaptive = tactics.adaptive
         self.error = np.inf
         self.longest = LONGEST_RUN if form.size + form.m <= SMALL else 1
         restores = not isinstance(form, ScaledProblem)
         self.phase = "restoration" if restores else "barrier"
-        self.s[LENGTHENS] = 0.0 if restores else 1.0
-        self.s[LENGTH_TAKEN] = self.s[STEP_TAKEN] = 0.0
-        self.s[DOUBT] = DOUBTFUL
-        self._begin(mu)
+        self.s.lengthens = not restores
+        self.s.length_taken = self.s.step_taken = 0.0
+        self.s.doubt = DOUBTFUL
 
     def _begin(self, mu: float) -> None:
         """Forget how the current iterate was reached."""
         form, work, s = self.form, self.work, self.s
         smallest = self.options.tolerance / 11.0 / max(1.0, form.gaps / MANY_GAPS)
-        s[MU], s[SMALLEST_MU], s[LARGEST_MU] = mu if form.gaps else 0.0, smallest, np.inf
-        s[ADAPTIVE], s[FREE] = self.adaptive, self.adaptive and form.gaps > 0
-        s[TAU], s[CHANGED] = SMALLEST_TAU, 0.0
+        s.mu, s.smallest_mu, s.largest_mu = mu if form.gaps else 0.0, smallest, np.inf
+        s.adaptive, s.free = self.tactics.adaptive, self.tactics.adaptive and form.gaps > 0
+        s.tau, s.changed = SMALLEST_TAU, 0
         work.accepted.restart(np.inf)
         scale = max(1.0, work.it.theta)
-        s[SMALL_THETA], s[TINY] = SMALL_VIOLATION * scale, 0.0
+        s.small_theta, s.tiny = SMALL_VIOLATION * scale, 0
         work.filter.restart(self.tactics.largest_theta * scale)
-        self.nearest = Nearest(work)
-        self.stall = Stall(work)
-        s[STUCK], s[SHORTEST] = 0.0, SHORT
-        s[FEASIBILITY] = self.options.feasibility_tolerance
-        s[ATTENTION] = self._attention()
+        s.nearest_error, s.waiting = np.inf, 0
+        work.nearest.w[:], work.nearest.y[:], work.nearest.z[:] = work.it.w, work.it.y, work.it.z
+        self._forget_steps()
+        s.stuck, s.shortest = 0, SHORT
+        s.feasibility = self.options.feasibility_tolerance
+        s.attention = self._attention()
+
+    def _forget_steps(self) -> None:
+        """Begin to count steps that move nothing any more."""
+        s = self.s
+        s.tiny_steps = s.small_steps = s.short_steps = s.stalled = 0
+        s.theta_before = np.inf
 
     def _attention(self) -> float:
         """The error at which more than the next step is to be thought of."""
         tolerance = self.options.tolerance
         return max(tolerance, self.finish.threshold) if isinstance(self.form, ScaledProblem) else tolerance
 
-    def run(self) -> Outcome:
-        work, stages, monitor = self.work, self.stages, self.monitor
+    def run(self, it: Iterate, mu: float) -> Outcome:
+        work, monitor = self.work, self.monitor
+        work.load(it)
+        self._begin(mu)
         while True:
             ended = self._repeat()
             if ended == LOOK:
@@ -181,14 +149,14 @@ class _Loop:
                     minimum = second_order is SecondOrder.HOLDS
                     return replace(self._outcome(End.CONVERGED), minimum=minimum)
                 if self._stalled():
-                    self.nearest.return_to()
+                    if self.s.nearest_error <= ACCEPTABLE:
+                        work.evaluate(work.nearest.w, work.nearest.y, work.nearest.z)
                     second_order = self._leave_saddle()
                     if second_order is SecondOrder.LEFT:
                         continue
                     return self._give_up()
-                self.s[ATTENTION] = self._attention()
-                ended = stages.iterate()
-                work.note_moved()
+                self.s.attention = self._attention()
+                ended = work.iterate()
             elif ended == 0:
                 continue
             try:
@@ -206,35 +174,31 @@ class _Loop:
     # -- the state -------------------------------------------------------------------------------------------------
 
     def _repeat(self) -> int:
-        """Iterate as long as all is as usual, and keep account; see :func:`stc.solver.iteration_calls.repeat`."""
-        work, stages, monitor, s = self.work, self.stages, self.monitor, self.s
+        """Iterate as long as all is as usual, and keep account; see ``progress_repeat``."""
+        work, monitor, s = self.work, self.monitor, self.s
         if monitor.watched or monitor.is_late or self.stop is not None:
-            most = 0.0
+            most = 0
         else:
             until = min(self.last, monitor.limit)
-            most = max(0.0, min(self.longest, until - monitor.iterations))
-        s[MOST], s[BEST_NEW] = most, 0.0
-        s[BEST_KNOWN] = monitor.best is not None
+            most = max(0, min(self.longest, until - monitor.iterations))
+        s.most, s.best_new = most, 0
+        s.best_known = monitor.best is not None
         if monitor.best is not None:
-            s[BEST_VIOLATION], s[BEST_OBJECTIVE] = monitor.best[:2]
-        ended = stages.repeat()
-        work.note_moved()
+            s.best_violation, s.best_objective = monitor.best[:2]
+        ended = work.repeat()
         try:
             self._take_records(ended != 0)
         finally:
             work.calls.check()
-        self.error = s[ERROR]
+        self.error = s.error
         return ended
 
     def _take_records(self, last_is_open: bool) -> None:
         work, s = self.work, self.s
-        count = int(s[MADE])
-        if count == 0:
+        if s.made == 0:
             return
-        best = None
-        if s[BEST_NEW]:
-            best = (s[BEST_VIOLATION], s[BEST_OBJECTIVE], *self._stated(*work.best))
-        rows = work.rows[: count * ROW].reshape(count, ROW).tolist()
+        best = (s.best_violation, s.best_objective, *self._stated(*work.best)) if s.best_new else None
+        rows = work.records[: s.made].tolist()
         self.monitor.take(rows, self.phase, last_is_open, best, self._as_stated)
 
     def _stated(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -252,38 +216,32 @@ class _Loop:
         form, it = self.form, self.it
         if self.stop is not None and self.stop(form, it):
             return self._outcome(End.STOPPED)
-        if is_unbounded(form, it, self.s[FARTHEST]):
+        if is_unbounded(form, it, self.s.farthest):
             return self._outcome(End.UNBOUNDED)
-        if not self.error < LARGEST_ERROR or self.s[FARTHEST] > TOO_FAR:
-            falling = self.drift.falling and it.f < 0.0
-            far = self.s[FARTHEST] > TOO_FAR or it.f < LOW
-            feasible = self.s[PRIMAL] <= ACCEPTABLE
+        if not self.error < LARGEST_ERROR or self.s.farthest > TOO_FAR:
+            falling = self.s.falling and it.f < 0.0
+            far = self.s.farthest > TOO_FAR or it.f < LOW
+            feasible = self.s.primal <= ACCEPTABLE
             return self._outcome(End.UNBOUNDED) if far and feasible and falling else self._give_up()
-        if self.finish.is_due(self.error) and not self.drift.falling:
+        if self.finish.is_due(self.error) and not self.s.falling:
             done = self.finish.attempt(it, self.error)
             if done is not None:
                 assert isinstance(form, ScaledProblem)
                 x, y, minimum = done.x.copy(), done.y.copy(), bends_upwards(form)
                 return Outcome(End.CONVERGED, form, x, y, done.error, it, minimum=minimum)
-            self.work.provide_attempt()
+            self.work.renew_calls()
         return None
 
     def _converged(self) -> bool:
-        return self.error <= self.options.tolerance and not self._open() and not self.drift.falling
-
-    def _open(self) -> bool:
-        """Whether products of gaps and multipliers may still hide an error of the objective."""
-        return self.s[PRODUCTS] > self._negligible()
-
-    def _negligible(self) -> float:
-        return ACCURATE * ACCEPTABLE * max(1.0, abs(self.it.f))
+        # Products of gaps and multipliers may still hide an error of the objective.
+        negligible = ACCURATE * ACCEPTABLE * max(1.0, abs(self.it.f))
+        small = self.error <= self.options.tolerance and not self.s.products > negligible
+        return small and not self.s.falling
 
     def _stalled(self) -> bool:
-        return self.stall.stalled or self.nearest.waited or self._is_over()
-
-    def _is_over(self) -> bool:
-        """Whether the attempt has used up its steps."""
-        self.early = self.monitor.iterations >= self.last
+        if self.s.stalled or self.s.waited:
+            return True
+        self.early = self.monitor.iterations >= self.last  # the attempt has used up its steps
         return self.early
 
     def _outcome(self, end: End) -> Outcome:
@@ -291,7 +249,10 @@ class _Loop:
         return Outcome(end, self.form, it.w[: self.form.n].copy(), it.y.copy(), self.error, it.snapshot())
 
     def _give_up(self) -> Outcome:
-        return replace(self.nearest.outcome(), early=self.early)
+        """End at the iterate with the smallest error so far."""
+        best, error = self.work.nearest, float(self.s.nearest_error)
+        x, y = best.w[: self.form.n].copy(), best.y.copy()
+        return Outcome(End.STUCK, self.form, x, y, error, self.it.snapshot(), early=self.early)
 
     # -- moves -----------------------------------------------------------------------------------------------------
 
@@ -303,7 +264,7 @@ class _Loop:
         if found is SecondOrder.LEFT:
             self.escapes += 1
             self.monitor.count()
-            self._begin(self.s[MU])
+            self._begin(self.s.mu)
         return found
 
     def _complete(self, ended: int) -> bool:
@@ -314,32 +275,29 @@ class _Loop:
         """
         work, s, system = self.work, self.s, self.system
         if ended == FACTORIZATION:
-            system.go_on(int(s[ENDED_BY]))
-            ended = self.stages.advance()
-            work.note_moved()
+            system.go_on(s.ended_by)
+            ended = work.advance()
             work.calls.check()
             if ended == 0:
                 return True
-            ended += FACTORIZATION
         if ended == BLOCKED:
             return False
-        self._search(int(s[ENDED_BY]) if ended == SEARCH else None)
-        return self.stages.settle() == 0 and s[LENGTH_TAKEN] > 0.0
+        self._search(s.ended_by if ended == SEARCH else None)
+        return work.settle() == 0 and s.length_taken > 0.0
 
     def _find_step(self) -> None:
         """Compute the step with the factorised system."""
-        work, stages, s = self.work, self.stages, self.s
-        ended = stages.find_step()
-        work.calls.check()
-        while ended:
-            if ended == DOUBTFUL_SOLUTION:
-                work.calls.put(ATTEMPT, None)
-                if not work.kkt.check_solution():
-                    s[DOUBT] = np.inf  # there is none better
-            work.provide_solves()
-            ended = stages.find_step()
+        work, s = self.work, self.s
+        while True:
+            ended = work.find_step()
             work.calls.check()
-        s[DOUBT] = DOUBTFUL
+            if not ended:
+                break
+            work.calls.put(ATTEMPT, None)
+            if not work.kkt.check_solution():
+                s.doubt = np.inf  # there is none better
+            work.renew_solves()
+        s.doubt = DOUBTFUL
 
     def _search(self, ended: int | None) -> None:
         """Compute a step and search along it; a search that has ``ended`` already is the first.
@@ -354,36 +312,32 @@ class _Loop:
             final = trial == MOST_CORRECTIONS
             if ended is None:
                 self._find_step()
-                if before is not None and s[LENGTH] > PROGRESS * before[1]:
+                if before is not None and s.length > PROGRESS * before[1]:
                     system.soften()
                     work.step.become(before[0])
-                    work.limit_step(s[TAU])
+                    work.run("step_lengths")
                     final = True
-                s[SHORTEST] = 0.0 if final else SHORT
-                ended = self.stages.search()
-            while ended == CALL_MISSING:
-                work.provide_solves()
-                ended = self.stages.backtrack()
-            work.calls.check()
+                s.shortest = 0.0 if final else SHORT
+                ended = work.search()
+                work.calls.check()
             if final or ended in (TAKEN, NOT_FINITE):
                 break
             ended = None
-            before = work.spare, s[LENGTH]
+            before = work.spare, s.length
             work.spare.become(work.step)
             try:
                 system.stiffen(work.step.dw)
             except SingularSystem:
                 break
-        s[SHORTEST] = SHORT
-        work.note_moved()
+        s.shortest = SHORT
 
     def _restore(self) -> Outcome | None:
         """Run the restoration phase from a point where no step was acceptable.
 
         Returns None when the iteration can go on from where that led, else how it ends.
         """
-        form, it, mu, filter = self.form, self.it, self.s[MU], self.work.filter
-        if not isinstance(form, ScaledProblem) or self.nearest.error <= ACCEPTABLE:
+        form, it, mu, filter = self.form, self.it, self.s.mu, self.work.filter
+        if not isinstance(form, ScaledProblem) or self.s.nearest_error <= ACCEPTABLE:
             return self._give_up()
         if it.theta <= ACCURATE * self.options.tolerance:
             return self._give_up()
@@ -405,8 +359,8 @@ class _Loop:
 
         end, _ = meet_rows(form, it, mu, self.options.feasibility_tolerance, solve)
         self.work.load(it)
-        self.work.provide_attempt()
+        self.work.renew_calls()
         if end is End.STUCK or (end is None and it.theta > CORRECTION_PROGRESS * theta):
             return self._give_up()
-        self.stall = Stall(self.work)
+        self._forget_steps()
         return None if end is None else self._outcome(end)

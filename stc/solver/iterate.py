@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-
 from stc.records import dataclass
-from stc.solver import kernels
-from stc.solver.formulation import Formulation
 from stc.solver.nlp import Floats
 
-__all__ = ["Errors", "Iterate", "errors_of", "evaluate", "push_inside"]
+__all__ = ["Iterate"]
 
 ARRAYS = ("w", "y", "z", "r", "gradient", "jac", "hess", "gap", "c", "dual")
 
@@ -45,65 +39,12 @@ class Iterate:
     hess: Floats
     dual: Floats
 
-    @property
-    def is_finite(self) -> bool:
-        """Whether functions and derivatives are defined here."""
-        total = self.f + self.theta + self.dual.sum() + self.jac.sum() + self.hess.sum()
-        return bool(np.isfinite(total))
-
     def snapshot(self) -> Iterate:
         """A copy with arrays of its own."""
-        return replace(self, **{name: getattr(self, name).copy() for name in ARRAYS})
+        return Iterate(f=self.f, theta=self.theta, **{name: getattr(self, name).copy() for name in ARRAYS})
 
     def become(self, other: Iterate) -> None:
         """Take over every quantity of another iterate, copied."""
         self.f, self.theta = other.f, other.theta
         for name in ARRAYS:
             getattr(self, name)[:] = getattr(other, name)
-
-
-class Errors:
-    """Parts of the KKT error: infinity norms, the dual and complementarity ones over the size of the multipliers.
-
-    Attributes:
-        total: the largest of the three.
-    """
-
-    __slots__ = ("complementarity", "dual", "primal", "total")
-
-    def __init__(self, dual: float, primal: float, complementarity: float) -> None:
-        self.dual, self.primal, self.complementarity = dual, primal, complementarity
-        self.total = max(dual, primal, complementarity)
-
-
-def evaluate(form: Formulation, w: Floats, y: Floats, z: Floats) -> Iterate:
-    """Every quantity at ``(w, y, z)``; check ``is_finite`` of the result where functions may be undefined."""
-    f, r = form.values(w[: form.n])
-    c = form.residual(r, w)
-    gradient, jac, hess = form.derivatives(w[: form.n], y)
-    dual = np.empty(form.size)
-    np.add(gradient, form.transpose_times(jac, y), out=dual[: form.n])
-    np.negative(y, out=dual[form.n :])
-    if not form.all_moving:
-        dual[~form.moving] = 0.0
-    return Iterate(w, y, z, f, r, form.gap(w), c, float(np.abs(c).sum()), gradient, jac, hess, dual)
-
-
-def errors_of(form: Formulation, it: Iterate, mu: float) -> Errors:
-    """KKT error of the barrier problem with parameter ``mu`` (Waechter and Biegler 2006, equation 5)."""
-    z_sum = float(it.z.sum())
-    dual_scale = kernels.multiplier_scale(float(np.abs(it.y).sum()) + z_sum, form.m + form.gaps)
-    gap_scale = kernels.multiplier_scale(z_sum, form.gaps)
-    dual = it.dual - form.scatter(it.z) if form.gaps else it.dual
-    return Errors(
-        float(np.abs(dual).max(initial=0.0)) / dual_scale,
-        float(np.abs(it.c).max(initial=0.0)),
-        float(np.abs(it.gap * it.z - mu).max(initial=0.0)) / gap_scale,
-    )
-
-
-def push_inside(form: Formulation, w: Floats, push: float) -> Floats:
-    """``w`` (n + m,) moved inside its bounds by ``push``, relative to the bound's size or the bounds' distance."""
-    moved = w.copy()
-    kernels.push_inside(form.size, push, form.lower, form.upper, moved)
-    return moved

@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver.constants import ACCURATE, EXACT
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import ACCEPTABLE, End, Outcome
 from stc.solver.products import ROUGHLY, between
-from stc.solver.projection_kernels import ACCURATE, EXACT
 from stc.solver.residuals import Assessment, assess, holds, is_met_but_for_rounding
 from stc.solver.scaled_problem import ORDINARY, ScaledProblem
 
 __all__ = ["Judgement", "Point"]
-
-"""Of an error that leaves too much to gain: it falls less evenly than that, and not below rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)

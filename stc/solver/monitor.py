@@ -7,15 +7,16 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from stc import deadline
+from stc.core.functions import function
 from stc.solver.nlp import Floats
 from stc.solver.options import Options
-from stc.solver.progress_kernels import is_better
 from stc.solver.report import Callback, IterationRecord
 from stc.solver.status import Status
 
 __all__ = ["FROM_THE_GUESS", "Monitor", "Stopped"]
 
 FROM_THE_GUESS = "from the guess"
+_is_better = function("progress_is_better")
 
 
 class Stopped(Exception):
@@ -53,37 +54,21 @@ class Monitor:
 
     def record(
         self,
+        phase: str,
         as_stated: Callable[[], tuple[Floats, Floats]],
         objective: float,
         violation: float,
         optimality: float,
-        step: float,
-        step_length: float,
-        mu: float,
-        regularization: float,
-        phase: str,
+        step: float = 0.0,
+        step_length: float = 1.0,
+        mu: float = 0.0,
+        regularization: float = 0.0,
     ) -> None:
-        """Log a point in the user's terms.
-
-        Args:
-            as_stated: gives its variables and row multipliers, arrays that nobody changes later; no multipliers where
-                they are not those of the problem.
-
-        Raises:
-            Stopped: at a limit, or when the callback returns True.
-        """
-        entry = IterationRecord(
-            self.iterations, objective, violation, optimality, step, step_length, mu, regularization, phase
-        )
-        self.history.append(entry)
+        """Log a point in the user's terms; see :meth:`take`, and :class:`IterationRecord` for the numbers."""
         better = self._is_better(objective, violation)
-        if better or self._callback is not None:
-            x, y = as_stated()
-            if better:
-                self.best = (violation, objective, x, y)
-            if self._callback is not None and self._callback(replace(entry, x=x)):
-                raise Stopped(Status.INTERRUPTED)
-        self.check()
+        best = (violation, objective, *as_stated()) if better else None
+        row = [objective, violation, optimality, step, step_length, mu, regularization]
+        self.take([row], phase, True, best, as_stated)
 
     @property
     def watched(self) -> bool:
@@ -112,12 +97,13 @@ class Monitor:
         best: tuple[float, float, Floats, Floats] | None,
         as_stated: Callable[[], tuple[Floats, Floats]],
     ) -> None:
-        """Take over the records of several iterates (see :mod:`stc.solver.state`), of one where they are ``watched``.
+        """Take over the records of several iterates (``record`` in ``iteration.h``), of one where they are ``watched``.
 
         Args:
             last_is_open: no step has been taken from the last one yet.
             best: the best point, if it is among them.
-            as_stated: gives variables and row multipliers of the last iterate, in the user's terms.
+            as_stated: gives variables and row multipliers of the last iterate, in the user's terms, arrays that nobody
+                changes later; no multipliers where they are not those of the problem.
 
         Raises:
             Stopped: at a limit, or when the callback returns True.
@@ -163,4 +149,4 @@ class Monitor:
             return True
         best_violation, best_objective = self.best[:2]
         tolerance = self.options.feasibility_tolerance
-        return is_better(objective, violation, best_objective, best_violation, tolerance) != 0
+        return _is_better(objective, violation, best_objective, best_violation, tolerance) != 0

@@ -22,39 +22,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stc.solver.inertia_correction import (
-    DONE,
-    GROWTH,
-    LARGEST_SHIFT,
-    NO_SHIFT,
-    REFACTOR,
-    SMALLEST_SHIFT,
-    UNKNOWN,
-    larger_shift,
-)
-from stc.solver.iteration_calls import stages_of
+from stc.solver.constants import ATTEMPT, DONE, GROWTH, LARGEST_SHIFT, NO_SHIFT, SMALLEST_SHIFT, UNKNOWN
 from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.nlp import Floats
 from stc.solver.products import inner
-from stc.solver.state import (
-    ATTEMPT,
-    BENDS,
-    BENDS_ALIKE,
-    DUAL_SHIFT,
-    ENDED,
-    EQUATIONS,
-    EXACT,
-    EXCESS,
-    FAILURES,
-    LAST_SHIFT,
-    MU,
-    SHIFT,
-    SLOW_BEFORE,
-    SLOW_STEPS,
-    STIFFNESS,
-    UNTRIED,
-)  # fmt: skip
-from stc.solver.workspace import Step, Workspace
+from stc.solver.workspace import Workspace
 
 __all__ = ["NewtonSystem", "SingularSystem"]
 
@@ -71,22 +43,18 @@ class NewtonSystem:
     def __init__(self, work: Workspace) -> None:
         self.work = work
         self.form = form = work.form
-        self._stages = stages_of(work)
         self._before = (0.0, 0.0)
         s = work.s
-        for place in (
-            SHIFT, DUAL_SHIFT, LAST_SHIFT, STIFFNESS, FAILURES, UNTRIED, EXCESS, EXACT, SLOW_STEPS, SLOW_BEFORE,
-        ):  # fmt: skip
-            s[place] = 0.0
-        s[EQUATIONS] = form.any_equality
-        s[BENDS] = 0.0 if form.linear else UNKNOWN
-        s[BENDS_ALIKE] = form.quadratic_objective
-        work.provide_attempt()
+        s.shift = s.dual_shift = s.last_shift = s.stiffness = s.slow_before = 0.0
+        s.failures = s.untried = s.exact = s.slow_steps = 0
+        s.bends = 0 if form.linear else UNKNOWN
+        s.bends_alike = form.quadratic_objective
+        work.renew_calls()
 
     @property
     def shift(self) -> float:
         """The delta_w in use."""
-        return self.work.s[SHIFT]
+        return float(self.work.s.shift)
 
     def factorize(self, mu: float, *, exact: bool = False) -> None:
         """Factorise at the iterate, shifting until the inertia is right.
@@ -99,16 +67,16 @@ class NewtonSystem:
             SingularSystem: when no shift helps.
         """
         s = self.work.s
-        before = s[MU]
-        s[MU], s[EXACT] = mu, exact
+        before = s.mu
+        s.mu, s.exact = mu, exact
         try:
-            self._stages.begin()
-            self.go_on(self._stages.factorize())
+            self.work.begin()
+            self.go_on(self.work.factorize())
         finally:
-            s[MU], s[EXACT] = before, 0.0
+            s.mu, s.exact = before, 0
 
     def go_on(self, ended: int) -> None:
-        """Do what a compiled factorisation that has ended so cannot do, until it is done.
+        """Do what a factorisation of the core that has ended so cannot do, until it is done.
 
         Raises:
             SingularSystem: when no shift helps.
@@ -118,11 +86,8 @@ class NewtonSystem:
         while ended != DONE:
             if ended == NO_SHIFT:
                 raise SingularSystem
-            if ended == REFACTOR:
-                self._refactor(int(work.s[ENDED]))
-            else:
-                work.provide_bend()
-            ended = self._stages.factorize()
+            self._refactor(work.s.ended)
+            ended = work.factorize()
             work.calls.check()
 
     def _refactor(self, ended: int = 0) -> Inertia:
@@ -133,14 +98,14 @@ class NewtonSystem:
             inertia = work.kkt.resume(ended) if ended else work.kkt.refactor()
         except NotFinite as error:  # a derivative or the ratio of a multiplier to its gap has overflowed
             raise SingularSystem from error
-        work.provide_attempt()
-        work.provide_prediction()
-        work.inertia[:] = inertia
+        work.renew_calls()
+        work.renew_solves()
+        work.kkt.inertia[:] = inertia
         return inertia
 
     def _is_right(self) -> bool:
         """Factorise with the shifts as they are; whether the inertia is right."""
-        self.work.shifted_call()
+        self.work.run("step_shifted")
         inertia = self._refactor()
         return inertia.zero == 0 and inertia.negative == self.form.m
 
@@ -154,39 +119,39 @@ class NewtonSystem:
         s = work.s
         dx = dw[: form.n]
         curved = form.hessian_times(work.it.hess, dx) + work.sigma[: form.n] * dx
-        curvature = inner(dx, curved) / max(inner(dx, dx), 1e-300) + s[SHIFT]
-        self._before = s[STIFFNESS], s[SHIFT]
-        s[SHIFT] = s[STIFFNESS] = max(GROWTH * s[SHIFT], SHORTER * abs(curvature), SMALLEST_SHIFT)
+        curvature = inner(dx, curved) / max(inner(dx, dx), 1e-300) + s.shift
+        self._before = s.stiffness, s.shift
+        s.shift = s.stiffness = max(GROWTH * s.shift, SHORTER * abs(curvature), SMALLEST_SHIFT)
         while not self._is_right():
-            s[SHIFT] = larger_shift(work.numbers)
-            if s[SHIFT] > LARGEST_SHIFT:
+            s.shift = work.run("inertia_correction_larger_shift")
+            if s.shift > LARGEST_SHIFT:
                 raise SingularSystem
 
     def soften(self) -> None:
         """Forget the last stiffening; the factorisation stays."""
-        self.work.s[STIFFNESS], self.work.s[SHIFT] = self._before
+        self.work.s.stiffness, self.work.s.shift = self._before
 
     def bears(self, shift: float) -> bool:
         """Whether such a shift is enough: the one in use is no larger, or the inertia is right with this one, too."""
         s = self.work.s
-        before = s[SHIFT]
+        before = s.shift
         if before <= shift:
             return True
-        s[SHIFT] = shift
+        s.shift = shift
         if self._is_right():
             return True
-        s[SHIFT] = before
+        s.shift = before
         return False
 
     def tighten(self) -> None:
         """Halve the shift as often as the inertia stays right, and factorise with the last one."""
         s = self.work.s
-        if s[SHIFT] == 0.0:
+        if s.shift == 0.0:
             return
-        while s[SHIFT] > SMALLEST_SHIFT:
-            s[SHIFT] *= 0.5
+        while s.shift > SMALLEST_SHIFT:
+            s.shift *= 0.5
             if not self._is_right():
-                s[SHIFT] *= 2.0
+                s.shift *= 2.0
                 break
         self._is_right()
 
@@ -194,7 +159,7 @@ class NewtonSystem:
         """Steps ``(dw, dy)`` for a right-hand side ``rhs_w`` (n + m,) of the dual part and residual ``c`` (m,)."""
         form = self.form
         n = form.n
-        scaled = np.where(form.inequality, self.work.d * rhs_w[n:], 0.0)
+        scaled = np.where(form.inequality, self.work.dual_diagonal * rhs_w[n:], 0.0)
         dx, dy = form.kkt.solve(rhs_w[:n], scaled - c)
         if form.any_held:
             dx[form.held] = 0.0
@@ -202,11 +167,3 @@ class NewtonSystem:
         dw[:n] = dx
         dw[n:] = np.where(form.inequality, form.jacobian_times(self.work.it.jac, dx) + c, 0.0)
         return dw, dy
-
-    def find_step(self, step: Step, c: Floats | None = None, name: str = "newton") -> None:
-        """Fill ``step`` with that towards ``gap * z = centre * gap`` and zero residual, ``centre`` as in the workspace.
-
-        Args:
-            c: residual of the rows, (m,), always the same array for a name; the iterate's own when None.
-        """
-        self.work.solve(name, step, self.work.it.c if c is None else c)

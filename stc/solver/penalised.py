@@ -20,6 +20,7 @@ from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.form_cache import Keeper
 from stc.solver.nlp import NLP, Floats, Ints
 from stc.solver.pairs import Pairs
+from stc.solver.report import Start
 
 __all__ = ["Penalised"]
 
@@ -76,6 +77,11 @@ class Penalised:
         whole = np.empty(self.whole.m)
         whole[self.kept], whole[self._product] = y, self.weight
         return whole
+
+    def start(self, start: Start) -> Start:
+        """A start of the whole program, as it concerns this one."""
+        y = start.row_multipliers
+        return Start(start.x, None if y is None else y[self.kept], start.bound_multipliers)
 
     def values(self, x: Floats) -> tuple[float, Floats]:
         """See :class:`NLP`."""

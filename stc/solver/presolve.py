@@ -10,17 +10,17 @@ The multipliers of the equations that were used follow from the solution in the 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.functions import function
+from stc.core.structures import Structure, structure
 from stc.records import dataclass, field
 from stc.solver.convexity import Bending
-from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Places, Scaling, python_evaluator
+from stc.solver.evaluator import Evaluator, Part, PartlyEvaluable, Scaling, python_evaluator
 from stc.solver.form_cache import Keeper, once
-from stc.solver.kkt.arrangement import sort_by_key
+from stc.solver.kkt.couplings import sort_by_key
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.pairs import Complementary, Pairs
@@ -31,9 +31,6 @@ from stc.solver.status import Status
 
 __all__ = ["Determined", "Reduced", "determined_by", "presolved"]
 
-SMALL_PIVOT: Final = 1e-6
-"""An equation with a smaller coefficient, relative to its largest, does not tell its last unknown accurately."""
-
 
 @dataclass(slots=True)
 class Determined:
@@ -41,18 +38,13 @@ class Determined:
 
     Attributes:
         part: what is left, with the values of what is known.
-        rows, cols, entries: the equations in the order in which they were used, the variable that each has determined
-            and the coefficient's place among the Jacobian's entries, (k,) int32 each.
-        columns: the Jacobian's entries by columns, ``(starts (n + 1,), entries (nnz_J,))``, int32.
+        equations: those that were used (``determined`` in ``presolve.h``).
         keeper: for the program that is left.
         stated: its evaluator, see :class:`stc.solver.evaluator.Stated`.
     """
 
     part: Part
-    rows: Places
-    cols: Places
-    entries: Places
-    columns: tuple[Places, Places]
+    equations: Structure
     keeper: Keeper = field(default_factory=Keeper)
     stated: Evaluator | None = None
 
@@ -122,19 +114,16 @@ class Reduced:
 
     def start(self, start: Start) -> Start:
         """A start of the whole program, as it concerns this one."""
-        part, another = self.known.part, start.another
-        y, z = start.row_multipliers, start.bound_multipliers
+        return start.mapped(self._part_of)
 
-        def other(left: int) -> tuple[Start | None, int]:
-            found, spent = another(left) if another is not None else (None, 0)
-            return None if found is None else self.start(found), spent
-
-        return Start(
-            np.asarray(start.x, float)[part.cols],
-            None if y is None else y[part.rows],
-            None if z is None else z[part.cols],
-            None if another is None else other,
+    def _part_of(self, start: Start) -> Start:
+        part, x, y, z = (
+            self.known.part,
+            np.asarray(start.x, float),
+            start.row_multipliers,
+            start.bound_multipliers,
         )
+        return Start(x[part.cols], y if y is None else y[part.rows], z if z is None else z[part.cols])
 
     def callback(self, callback: Callback | None) -> Callback | None:
         """One for this program that tells ``callback`` of the whole one."""
@@ -171,14 +160,11 @@ class Reduced:
         Args:
             weight: of the objective in what the multipliers balance: 0 where they show that nothing is feasible.
         """
-        known, whole = self.known, self.whole
+        whole = self.whole
         x, y = self.all_variables(result.x).copy(), self.all_multipliers(result.row_multipliers).copy()
         gradient, jac, _ = whole.derivatives(x, y, 0.0)
-        _balance(
-            known.rows.size, weight, known.rows, known.cols, known.entries, *known.columns,
-            np.ascontiguousarray(whole.jac_rows, np.int32), np.ascontiguousarray(jac),
-            np.ascontiguousarray(gradient), y,
-        )  # fmt: skip
+        self.known.equations.set(jac=np.ascontiguousarray(jac))
+        function("presolve_balance")(self.known.equations, weight, np.ascontiguousarray(gradient), y)
         return x, y
 
 
@@ -222,18 +208,17 @@ def determined_by(nlp: NLP) -> Determined | None:
     largest = np.zeros(m)
     np.maximum.at(largest, rows, np.abs(jac))
     members, starts = sort_by_key(cols, n)
-    columns = starts, members
     queue = np.concatenate([first, np.zeros(m, np.int64)]).astype(np.int32)
-    order, entries = np.zeros(m, np.int32), np.zeros(m, np.int32)
-    found, count = fixed.astype(np.int32), np.zeros(1, np.int64)
-    _find(
-        first.size, queue, usable.astype(np.int32), left.astype(np.int32), last, largest, *columns, rows, cols, jac,
-        found, order, entries, count,
+    found = fixed.astype(np.int32)
+    equations = structure("determined")(
+        rows=rows, cols=cols, jac=jac, column_start=starts, column_entry=members, row=np.zeros(m, np.int32),
+        entry=np.zeros(m, np.int32),
     )  # fmt: skip
-    order, entries = order[: count[0]].copy(), entries[: count[0]].copy()
+    function("presolve_find")(
+        equations, first.size, queue, usable.astype(np.int32), left.astype(np.int32), last, largest, found
+    )
     for _ in range(2):  # the second time for what rounding has left of the guess
-        missing = np.where(usable, nlp.row_lower - r, 0.0)
-        _substitute(order.size, order, cols[entries], entries, *columns, rows, jac, missing, x)
+        function("presolve_substitute")(equations, np.where(usable, nlp.row_lower - r, 0.0), x)
         f, r = nlp.values(x)
     gone = found != 0
     settled = np.bincount(rows[~gone[cols]], minlength=m) == 0
@@ -241,14 +226,6 @@ def determined_by(nlp: NLP) -> Determined | None:
         relative_violation(x, nlp.x_lower, nlp.x_upper)[gone].max(initial=0.0),
         relative_violation(r, nlp.row_lower, nlp.row_upper)[settled].max(initial=0.0),
     )
-    if not order.size or not misses <= RELAXATION:
+    if not equations.count or not misses <= RELAXATION:
         return None
-    return Determined(Part.of(nlp, x, ~gone, ~settled), order, cols[entries], entries, columns)
-
-
-#: Which equation determines which variable, in an order in which they can.
-_find = function("presolve_find")
-#: Change ``x`` (n,) so that equations, used in this order, lose what is ``missing`` (m,).
-_substitute = function("presolve_substitute")
-#: Multipliers ``y`` (m,) of equations, used in this order, that leave their variables no slope.
-_balance = function("presolve_balance")
+    return Determined(Part.of(nlp, x, ~gone, ~settled), equations)

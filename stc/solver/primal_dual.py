@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from stc.core.functions import function
+from stc.core.structures import structure
 from stc.records import dataclass
-from stc.solver.conditions import POINT, point_conditions
-from stc.solver.kernels import multiplier_scale
 from stc.solver.nlp import Floats, Mask
+from stc.solver.products import multiplier_scale
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["PrimalDual", "measure"]
@@ -48,22 +49,19 @@ def measure(
 
     Where ``balancing`` (n,) is True, and where a variable is held, z is what makes the Lagrangian stationary.
     """
-    x_lower, x_upper = form.true_x
-    row_lower, row_upper = form.true_rows
-    x = np.clip(x, x_lower, x_upper)
+    x = np.clip(x, *form.true_x)
     f, r = form.values(x)
     if not np.isfinite(f + r.sum()):
         return None
     gradient, jac, hess = form.derivatives(x, y)
-    n, m = form.n, form.m
-    lagrangian, out, z = np.empty(n), np.empty(POINT), z.copy()
+    lagrangian, z = np.empty(form.n), z.copy()
     balanced = form.held_factor if balancing is None else np.maximum(form.held_factor, balancing)
-    point_conditions(
-        n, m, form.jac_rows.size, balanced, form.jac_rows, form.jac_cols, x, y, z, r, gradient, jac, x_lower, x_upper,
-        row_lower, row_upper, lagrangian, out,
-    )  # fmt: skip
-    violation, dual, total = out.tolist()
+    point = structure("primal_dual")(
+        nlp=form.program, x=x, y=y, z=z, r=r, gradient=gradient, jac=jac, lagrangian=lagrangian
+    )
+    function("conditions_balance")(point, balanced)
+    dual, total = point.stationarity, point.multipliers
     if not math.isfinite(dual + total) or not np.isfinite(hess.sum()):
         return None
-    error = max(violation, dual / multiplier_scale(total, m + n))
+    error = max(point.violation, dual / multiplier_scale(total, form.m + form.n))
     return PrimalDual(x, y, z, f, r, gradient, jac, hess, lagrangian, error)

@@ -15,17 +15,9 @@ from stc.solver.nlp import Floats, Ints, Mask
 Indices = NDArray[np.int64]
 
 __all__ = [
-    "EPSILON",
-    "NOTHING",
-    "ROUGHLY",
-    "ROUNDED",
-    "between",
-    "inner",
-    "norm",
-    "symmetric_times",
-    "term_sums",
-    "times",
-]
+    "EPSILON", "NOTHING", "ROUGHLY", "ROUNDED", "between", "inner", "multiplier_scale", "norm", "symmetric_times",
+    "term_sums", "times",
+]  # fmt: skip
 
 EPSILON = 2.0**-52
 ROUNDED = 16.0 * EPSILON
@@ -86,5 +78,7 @@ def symmetric_times(rows: Indices, cols: Indices, values: Floats, v: Floats, siz
     return out
 
 
-_times = function("kernels_times")
-_symmetric_times = function("kernels_symmetric_times")
+_times = function("point_times")
+_symmetric_times = function("point_symmetric_times")
+#: What dual errors are divided by where multipliers are large, given the sum of their magnitudes.
+multiplier_scale = function("point_multiplier_scale")

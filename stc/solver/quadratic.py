@@ -12,19 +12,23 @@ state constraint; then it is given up.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.core.functions import function
+from stc.core.structures import structure
 from stc.records import dataclass
-from stc.solver.active_set_system import CHANGES, REFINEMENTS, RestrictedDiagonals, factorize_restricted
-from stc.solver.conditions import better_signs, respond, restrict
+from stc.solver.active_set_system import CHANGES, REFINEMENTS, factorize_restricted
+from stc.solver.constants import ACCURATE
 from stc.solver.nlp import Floats
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.primal_dual import PrimalDual
 from stc.solver.products import term_sums
-from stc.solver.projection_kernels import ACCURATE
 from stc.solver.scaled_problem import RELAXATION, ScaledProblem
+
+_better_signs = function("conditions_better_signs")
 
 __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
 
@@ -128,8 +132,8 @@ class QuadraticProgram:
             d, y, pull, moved = solved
             better = ActiveSet(np.empty(n, np.int32), np.empty(m, np.int32))
             slack = self.tolerance
-            different = better_signs(n, slack, active.x, form.held_factor, d, pull, *self.room_x, better.x)
-            different += better_signs(
+            different = _better_signs(n, slack, active.x, form.held_factor, d, pull, *self.room_x, better.x)
+            different += _better_signs(
                 m, slack, active.rows, form.equality_factor, moved, y, *self.room_rows, better.rows
             )
             if not different:
@@ -144,21 +148,23 @@ class QuadraticProgram:
             fixed_d: becomes the part of the step that the active bounds determine, (n,).
         """
         form, point, kkt = self.form, self.point, self._kkt
-        n, m = form.n, form.m
+        m = form.m
         self._fixed = np.maximum(form.held_factor, active.x != 0)
         self._held_rows = np.maximum(form.equality_factor, active.rows != 0)
         target_x = self._target(active.x, form.held, self.room_x)
         self._targets = target_rows = self._target(active.rows, form.equality, self.room_rows)
         nothing = self._nothing
-        largest = np.zeros(1)
-        restrict(
-            n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows, form.hess_cols,
-            point.jac, point.hess, self._fixed, self._held_rows, nothing, nothing, nothing,
-            point.gradient, target_x, target_rows, fixed_d, np.empty(m), kkt.hess, kkt.jac, kkt.rhs, largest,
+        self._restricted = structure("primal_dual")(
+            nlp=form.program, kkt=form.linear_system, x=nothing, y=nothing, r=nothing, gradient=point.gradient,
+            jac=point.jac, hess=point.hess, lagrangian=point.gradient, active_x=self._fixed,
+            active_rows=self._held_rows, x_target=target_x, row_target=target_rows, dx=fixed_d, dy=np.empty(m),
         )  # fmt: skip
+        function("conditions_restrict")(self._restricted)
         # The next set of this program starts with what was needed here.
-        diagonals = RestrictedDiagonals(form, self._fixed, self._held_rows)
-        self.regularity, positive = factorize_restricted(diagonals, float(largest[0]), self.regularity)
+        self.regularity, positive = factorize_restricted(
+            partial(function("conditions_restricted_diagonals"), self._restricted),
+            float(self._restricted.largest_curvature), kkt, self.regularity,
+        )  # fmt: skip
         return positive
 
     def _solved(self, fixed_d: Floats) -> tuple[Floats, Floats, Floats, Floats] | None:
@@ -167,8 +173,7 @@ class QuadraticProgram:
         What has been factorised holds variables and leaves out rows nearly, and may have shifts against dependent ones,
         of whose multipliers that finds the smallest. All that is taken out again by refinement.
         """
-        form, point, kkt = self.form, self.point, self._kkt
-        n, m = form.n, form.m
+        kkt, n, m = self._kkt, self.form.n, self.form.m
         free = 1.0 - self._fixed
         d, y, pull, moved = fixed_d.copy(), np.zeros(m), np.empty(n), np.empty(m)
         for _ in range(1 + REFINEMENTS):
@@ -176,10 +181,7 @@ class QuadraticProgram:
             kkt.check_solution()
             d += free * kkt.solution[:n]
             y += self._held_rows * kkt.solution[n:]
-            finite = respond(
-                n, m, form.jac_rows.size, form.hess_rows.size, form.jac_rows, form.jac_cols, form.hess_rows,
-                form.hess_cols, point.jac, point.hess, point.gradient, d, y, pull, moved,
-            )  # fmt: skip
+            finite = function("conditions_respond")(self._restricted, d, y, pull, moved)
             if finite != 0.0:
                 return None
             kkt.rhs[:n] = free * pull

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from stc.records import dataclass, field
 from stc.solver.nlp import Floats
@@ -28,6 +29,16 @@ class Start:
     row_multipliers: Floats | None = None
     bound_multipliers: Floats | None = None
     another: Callable[[int], tuple[Start | None, int]] | None = field(default=None, repr=False, compare=False)
+
+    def mapped(self, change: Callable[[Start], Start]) -> Start:
+        """The start changed, and so the others that it may offer."""
+        another = self.another
+
+        def other(left: int) -> tuple[Start | None, int]:
+            found, spent = another(left) if another is not None else (None, 0)
+            return None if found is None else found.mapped(change), spent
+
+        return replace(change(self), another=None if another is None else other)
 
 
 @dataclass(slots=True)

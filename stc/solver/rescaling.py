@@ -70,7 +70,7 @@ class Rescalings:
         if not self.options.scaling or not larger.any():
             return None
         resized = self.scaled_anew(form, np.where(larger, reached, x0), form.objective_factor)
-        return self.attempts.cold(resized, x0, self.options)
+        return self.attempts.cold(resized, x0)
 
     def by_least_norm(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
         """From the guess, the variables scaled by the point of least norm that meets the equations, which are linear.
@@ -87,7 +87,7 @@ class Rescalings:
         sized = self.scaled_anew(form, there, form.objective_factor)
         if (sized.x_scale == form.x_scale).all():
             return None
-        return self.attempts.cold(sized, x0, self.options)
+        return self.attempts.cold(sized, x0)
 
     def beyond_saddle(self, outcome: Outcome) -> tuple[Outcome, Outcome | None]:
         """A stationary point where it is a minimum; else what negative curvature leads to from there.
@@ -128,4 +128,4 @@ class Rescalings:
         if end is not None:
             return outcome
         x = self.judgement.stated(outcome).x
-        return self.attempts.cold(self.scaled_anew(there, x, form.objective_factor), x, self.options)
+        return self.attempts.cold(self.scaled_anew(there, x, form.objective_factor), x)

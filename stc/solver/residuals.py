@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from stc.core.calls import chain
+from stc.core.functions import function
+from stc.core.structures import structure
 from stc.records import dataclass
-from stc.solver.conditions import STATED, stated_conditions
 from stc.solver.evaluator import Scaling, Stated, evaluator_of
 from stc.solver.form_cache import once
-from stc.solver.kernels import multiplier_scale
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
-from stc.solver.products import ROUNDED, term_sums
+from stc.solver.products import ROUNDED, multiplier_scale, term_sums
 from stc.solver.scaled_problem import relative_violation
 
 __all__ = [
-    "Assessment",
-    "Judge",
-    "assess",
-    "holds",
-    "is_met_but_for_rounding",
-    "rows_missed",
-    "signed_violations",
-]
+    "Assessment", "Judge", "assess", "holds", "is_met_but_for_rounding", "rows_missed", "signed_violations",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +49,17 @@ class Judge:
     def __init__(self, nlp: NLP) -> None:
         ev = nlp.as_stated() if isinstance(nlp, Stated) else evaluator_of(nlp, Scaling.none(nlp.n, nlp.m))
         self._evaluator = ev
-        self._z, self._out = np.zeros(nlp.n), np.zeros(STATED)
-        self._conditions = stated_conditions.bind(
-            nlp.n, nlp.m, len(nlp.jac_rows), 0, ev.x, ev.y, self._z, ev.r, ev.gradient,
-            np.ascontiguousarray(nlp.jac_rows, np.int32), np.ascontiguousarray(nlp.jac_cols, np.int32), ev.jac,
-            _own(nlp.x_lower), _own(nlp.x_upper), _own(nlp.row_lower), _own(nlp.row_upper), np.zeros(nlp.n), self._out,
+        self._z, of = np.zeros(nlp.n), _own
+        program = structure("program")(
+            n=nlp.n, m=nlp.m, jac_entries=len(nlp.jac_rows), jac_rows=of(nlp.jac_rows, np.int64),
+            jac_cols=of(nlp.jac_cols, np.int64), x_lower=of(nlp.x_lower), x_upper=of(nlp.x_upper),
+            row_lower=of(nlp.row_lower), row_upper=of(nlp.row_upper),
         )  # fmt: skip
-        self._given = self._conditions.position("given")
+        self._point = structure("primal_dual")(
+            nlp=program, x=ev.x, y=ev.y, z=self._z, r=ev.r, gradient=ev.gradient, jac=ev.jac,
+            lagrangian=np.zeros(nlp.n),
+        )  # fmt: skip
+        self._conditions = function("conditions_state").bind(self._point, 0)
         self._call = chain([ev.values_call, ev.derivatives_call, self._conditions])
 
     def __call__(self, x: Floats, y: Floats, z: Floats | None = None) -> Assessment:
@@ -67,12 +67,13 @@ class Judge:
         ev = self._evaluator
         ev.x[:], ev.y[:], ev.weight[0] = x, y, 1.0
         self._z[:] = 0.0 if z is None else z
-        self._conditions.integers[self._given] = z is not None
+        self._conditions.set("given", z is not None)
         self._call()
-        stationarity, complementarity, violation, steepest, term, largest, total = self._out.tolist()
-        size = max(1.0, steepest, term, largest, multiplier_scale(total, ev.x.size + ev.y.size))
-        violation = violation if violation == violation else np.inf
-        error = max(stationarity, complementarity) / size
+        p = self._point
+        scale = multiplier_scale(p.multipliers, ev.x.size + ev.y.size)
+        size = max(1.0, p.largest_gradient, p.largest_term, p.largest_multiplier, scale)
+        violation = p.violation if p.violation == p.violation else np.inf
+        error = max(p.stationarity, p.complementarity) / size
         return Assessment(float(ev.f[0]), violation, error, self._z.copy())
 
 
@@ -120,6 +121,6 @@ def signed_violations(nlp: NLP, r: Floats) -> Floats:
     return np.maximum(r - nlp.row_upper, 0.0) - np.maximum(nlp.row_lower - r, 0.0)
 
 
-def _own(values: Floats) -> Floats:
-    """As compiled functions take them."""
-    return np.ascontiguousarray(values, dtype=float)
+def _own(values: Any, dtype: Any = float) -> Any:
+    """As functions of the core take them."""
+    return np.ascontiguousarray(values, dtype)

@@ -12,21 +12,20 @@ from collections.abc import Callable
 import numpy as np
 
 from stc.records import dataclass
+from stc.solver.constants import ACCURATE, LARGEST_MULTIPLIER
 from stc.solver.convexity import is_convex
 from stc.solver.elastic import ElasticProblem
 from stc.solver.filter import Filter
 from stc.solver.form_cache import once
 from stc.solver.formulation import Formulation
-from stc.solver.iterate import Iterate, evaluate
-from stc.solver.kernels import LARGEST_MULTIPLIER
-from stc.solver.multipliers import least_squares_multipliers
+from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
 from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome
-from stc.solver.projection_kernels import ACCURATE
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.starting import least_squares_multipliers
 from stc.solver.workspace import workspace_of
 
-__all__ = ["Acceptance", "back_from", "barrier_value", "elastic_of", "elastic_start", "meet_rows", "returned"]
+__all__ = ["Acceptance", "barrier_value", "elastic_of", "meet_rows", "returned"]
 
 RHO = 1e3
 """What a unit of violation costs beside nearness to where restoration begins, which that is divided by here."""
@@ -78,8 +77,10 @@ def meet_rows(
     """
     claim: Iterate | None = None
     while True:
-        elastic, start, barrier = elastic_start(form, it, mu)
-        outcome = solve(elastic, start, barrier)
+        elastic = elastic_of(form)
+        elastic.stay_near(it.w[: form.n], float(np.sqrt(max(mu, 1e-8))) / RHO)
+        barrier = max(mu, float(np.abs(it.c).max(initial=0.0))) / RHO
+        outcome = solve(elastic, elastic.start(it.w, np.zeros(form.m), it.z, barrier), barrier)
         end = returned(form, it, elastic, outcome, tolerance)
         if claim is not None and it.theta > PROGRESS * claim.theta:
             it.become(claim)
@@ -96,21 +97,24 @@ def meet_rows(
 def returned(
     form: ScaledProblem, it: Iterate, elastic: ElasticProblem, outcome: Outcome, tolerance: float
 ) -> End | None:
-    """Move ``it`` to where an elastic problem without an objective ended; why to stop there, or None."""
-    assert outcome.iterate is not None
-    w, z = back_from(elastic, outcome.iterate)
-    restored = evaluate(form, w, np.zeros(form.m), z)
+    """Move ``it``, the form's workspace's, to where an elastic problem ended; why to stop there, or None."""
+    there = outcome.iterate
+    assert there is not None
+    n = form.n
+    w, z = np.concatenate([there.w[:n], there.w[elastic.n :]]), there.z[elastic.own_gaps]
+    if z.max(initial=0.0) > LARGEST_MULTIPLIER:
+        z = np.ones_like(z)
+    work, before = workspace_of(form), it.snapshot()
+    restored = work.evaluate(w, np.zeros(form.m), z)
     if not np.isfinite(restored.theta + restored.f + restored.dual.sum()):
+        work.load(before)
         return End.STUCK
     end: End | None = None
     minimal = outcome.end is End.CONVERGED or outcome.error <= ACCEPTABLE
     if outcome.end is not End.STOPPED and minimal:
-        violation = form.violation(w[: form.n], restored.r)
-        if violation > tolerance:
+        if form.violation(w[:n], restored.r) > tolerance:
             end = End.STATIONARY_VIOLATION
-    it.become(restored)
-    y = outcome.y / elastic.price if end else least_squares_multipliers(workspace_of(form))
-    it.become(evaluate(form, w, y, z))
+    work.evaluate(w, outcome.y / elastic.price if end else least_squares_multipliers(work), z)
     return end
 
 
@@ -119,22 +123,3 @@ def elastic_of(base: ScaledProblem) -> ElasticProblem:
     if base.elastic is None:
         base.elastic = ElasticProblem(base, price=1.0)
     return base.elastic
-
-
-def elastic_start(base: ScaledProblem, it: Iterate, mu: float) -> tuple[ElasticProblem, Iterate, float]:
-    """The restoration problem at an iterate, its own first iterate and its barrier parameter."""
-    elastic = elastic_of(base)
-    elastic.stay_near(it.w[: base.n], float(np.sqrt(max(mu, 1e-8))) / RHO)
-    barrier = max(mu, float(np.abs(it.c).max(initial=0.0))) / RHO
-    return elastic, elastic.start(it.w, np.zeros(base.m), it.z, barrier), barrier
-
-
-def back_from(elastic: ElasticProblem, it: Iterate) -> tuple[Floats, Floats]:
-    """The problem's own point ``w`` and gap multipliers after restoration."""
-    n = elastic.base.n
-    w = np.concatenate([it.w[:n], it.w[elastic.n :]])
-    own = ~((elastic.index >= n) & (elastic.index < elastic.n))
-    z = it.z[own]
-    if z.max(initial=0.0) > LARGEST_MULTIPLIER:
-        z = np.ones_like(z)
-    return w, z

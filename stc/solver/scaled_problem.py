@@ -10,11 +10,13 @@ like squares at 0, tells its size a little way off, or by its bounds.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stc.arrays import scattered
+from stc.core.structures import Structure, structure
 from stc.solver.evaluator import Evaluator, Scaling, evaluator_of
 from stc.solver.formulation import Formulation
 from stc.solver.nlp import NLP, Floats, Mask
@@ -24,7 +26,7 @@ from stc.solver.products import ROUNDED, Indices
 if TYPE_CHECKING:
     from stc.solver.elastic import ElasticProblem
     from stc.solver.kkt.contract import KKTSystem
-    from stc.solver.projection import Projection, ProjectionPair
+    from stc.solver.projection import ProjectionPair
 
 __all__ = ["ScaledProblem", "relative_violation"]
 
@@ -70,7 +72,6 @@ class ScaledProblem(Formulation):
     """``objective_scale * f(D x)`` with rows ``row_scale * r(D x)``; ``x_scale`` is the diagonal of D."""
 
     projections: ProjectionPair | None = None  # of Newton's method on active sets, one at a time
-    projection: Projection | None = None  # of any point, one at a time
     elastic: ElasticProblem | None = None  # for restoration, one at a time
 
     def __init__(
@@ -119,17 +120,20 @@ class ScaledProblem(Formulation):
         self.quadratic_objective = nlp.objective_degree <= 2
         self.quadratic_program = self.linear and self.quadratic_objective
         self.kkt = new_kkt(
-            self.n,
-            self.m,
-            nlp.jac_rows,
-            nlp.jac_cols,
-            nlp.hess_rows,
-            nlp.hess_cols,
-            nlp.var_stage,
-            nlp.row_stage,
-            self.held,
-            self.equality,
-        )
+            self.n, self.m, nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols, nlp.var_stage, nlp.row_stage,
+            self.held, self.equality,
+        )  # fmt: skip
+
+    @cached_property
+    def program(self) -> Structure:
+        """Sizes, sparsity and bounds, not relaxed, for functions of the core (``active_set.h``)."""
+        (x_lower, x_upper), (row_lower, row_upper) = self.true_x, self.true_rows
+        return structure("program")(
+            n=self.n, m=self.m, jac_entries=self.jac_rows.size, hess_entries=self.hess_rows.size,
+            jac_rows=self.jac_rows, jac_cols=self.jac_cols, hess_rows=self.hess_rows, hess_cols=self.hess_cols,
+            x_lower=x_lower, x_upper=x_upper, row_lower=row_lower, row_upper=row_upper, held=self.held_factor,
+            equality=self.equality_factor,
+        )  # fmt: skip
 
     def release(self) -> None:
         """Let go of the program, so that it may keep the form."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from stc.deadline import within
 from stc.solver.active_set import fitting_multipliers
+from stc.solver.constants import CONTRACTION
 from stc.solver.convexity import is_convex
 from stc.solver.curvature import ESCAPES, SecondOrder, second_order_at
 from stc.solver.form_cache import give_back, kept_form, key_of, once
@@ -22,11 +23,10 @@ from stc.solver.outcome import ACCEPTABLE, BUDGET, SHORT_BUDGET, End, Outcome, T
 from stc.solver.pairs import pairs_of
 from stc.solver.presolve import presolved
 from stc.solver.products import between, inner
-from stc.solver.projection_kernels import CONTRACTION
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
-from stc.solver.scaled_problem import ScaledProblem, relative_violation
+from stc.solver.scaled_problem import NEARBY, ScaledProblem, relative_violation
 from stc.solver.status import (
     FIXED_ROWS_MISSED,
     FLAT_BUT_FOR_ROUNDING,
@@ -217,9 +217,9 @@ class _Solve:
         return suitable[: self.options.retries]
 
     def _from_feasible(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
-        """From the best feasible point that was seen, if there is one."""
+        """From the best feasible point that was seen, if there is one, without leaving the rows far behind."""
         best = self._feasible()
-        return None if best is None else self.attempts.from_feasible(form, best)
+        return None if best is None else self.attempts.barrier(form, best, Tactics(largest_theta=NEARBY))
 
     def _unmoved(self, form: ScaledProblem, x0: Floats) -> Result:
         """The start, where no step is allowed from it; whether it is a solution is still to be told."""
@@ -234,8 +234,8 @@ class _Solve:
             return self._result(Status.OPTIMAL, point.x, point.y, at=point)
         stated = point.x, point.y
         self.monitor.record(
-            lambda: stated, judged.objective, judged.violation, judged.optimality, 0.0, 0.0, 0.0, 0.0, "barrier"
-        )  # fmt: skip
+            "barrier", lambda: stated, judged.objective, judged.violation, judged.optimality, step_length=0.0
+        )
         return self._best(Status.ITERATION_LIMIT)
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
@@ -436,17 +436,7 @@ class _Solve:
             lowest = None if nearly else falling_to(self.monitor.history)
             text += "" if lowest is None else f" {STILL_FALLING.format(lowest)}"
         return Result(
-            status,
-            x,
-            y,
-            report.bound_multipliers,
-            report.objective,
-            report.violation,
-            report.optimality,
-            last,
-            self.monitor.iterations,
-            self.form.kkt.factorizations if self.form is not None else 0,
-            text,
-            self.monitor.history,
-            self.monitor.strategy,
-        )
+            status, x, y, report.bound_multipliers, report.objective, report.violation, report.optimality, last,
+            self.monitor.iterations, 0 if self.form is None else self.form.kkt.factorizations, text,
+            self.monitor.history, self.monitor.strategy,
+        )  # fmt: skip

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from stc.solver.constants import LARGEST_MULTIPLIER
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
-from stc.solver.multipliers import least_squares_multipliers
+from stc.solver.kkt.contract import NotFinite
 from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import RELAXATION, ScaledProblem
-from stc.solver.workspace import workspace_of
+from stc.solver.workspace import Workspace, workspace_of
 
-__all__ = ["WARM_BARRIER", "active_iterate", "cold_iterate", "warm_iterate"]
+__all__ = ["WARM_BARRIER", "active_iterate", "cold_iterate", "least_squares_multipliers", "warm_iterate"]
 
 PUSH = 1e-2
 WARM_PUSH = 1e-3
@@ -60,7 +61,7 @@ def _inside(form: Formulation, x: Floats, push: float) -> Floats:
     """``w`` (n + m,) at ``x`` moved inside the bounds, less far where functions are undefined there."""
     n = form.n
     work = workspace_of(form)
-    ev, w, move_inside = work.evaluator, work.start_w, work.push_inside_call
+    ev, w, move_inside = work.evaluator, work.start_w, work.push_inside
     while True:
         move_inside.set("push", push)
         w[:n], w[n:] = x, form.target
@@ -76,3 +77,23 @@ def _inside(form: Formulation, x: Floats, push: float) -> Floats:
         np.copyto(w[n:], ev.r, where=form.inequality)
         move_inside()
     return w
+
+
+def least_squares_multipliers(work: Workspace) -> Floats:
+    """Multipliers (m,) that make the Lagrangian's gradient smallest at the iterate; zero when one would exceed
+    :data:`LARGEST_MULTIPLIER`, or where a derivative is infinite.
+
+    Solves the usual system with the identity for a Hessian (Waechter and Biegler 2006, equation 36).
+    """
+    m, kkt = work.form.m, work.kkt
+    if m == 0:
+        return np.zeros(0)
+    work.run("step_least_squares")
+    try:
+        kkt.refactor()
+    except NotFinite:
+        return np.zeros(m)
+    kkt.solve_call()
+    kkt.check_solution()
+    y = kkt.solution[work.form.n :].copy()
+    return y if np.abs(y).max() <= LARGEST_MULTIPLIER else np.zeros(m)  # which nan is not

@@ -5,16 +5,9 @@ from __future__ import annotations
 from enum import StrEnum
 
 __all__ = [
-    "FIXED_ROWS_MISSED",
-    "FLAT_BUT_FOR_ROUNDING",
-    "MET_BUT_FOR_ROUNDING",
-    "NO_MINIMUM",
-    "STILL_FALLING",
-    "UNPAIRED",
-    "Status",
-    "advice",
-    "sentence",
-]
+    "FIXED_ROWS_MISSED", "FLAT_BUT_FOR_ROUNDING", "MET_BUT_FOR_ROUNDING", "NO_MINIMUM", "STILL_FALLING", "UNPAIRED",
+    "Status", "advice", "sentence",
+]  # fmt: skip
 
 
 class Status(StrEnum):

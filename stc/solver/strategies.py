@@ -7,15 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from stc.solver.active_set import PATIENCE, bends_upwards, newton_on_active_set, newton_point
-from stc.solver.feasible_start import feasible_first
+from stc.solver.constants import ACCURATE
+from stc.solver.formulation import Formulation
 from stc.solver.interior import optimise
+from stc.solver.iterate import Iterate
 from stc.solver.judgement import Judgement
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
 from stc.solver.outcome import SHORT_BUDGET, End, Outcome, Tactics
-from stc.solver.projection_kernels import ACCURATE
 from stc.solver.report import Start
+from stc.solver.restoration import meet_rows
 from stc.solver.scaled_problem import NEARBY, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 
@@ -61,10 +63,10 @@ class Strategies:
         it = warm_iterate(form, x, y)
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=held)
 
-    def cold(self, form: ScaledProblem, x0: Floats, options: Options) -> Outcome:
-        """From ``x0`` (n,), with options for the barrier."""
+    def cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
+        """From ``x0`` (n,)."""
         outcome = self.linear_equations(form, x0)
-        return self.barrier(form, x0, Tactics(), options) if outcome is None else outcome
+        return self.barrier(form, x0, Tactics()) if outcome is None else outcome
 
     def linear_equations(self, form: ScaledProblem, x0: Floats) -> Outcome | None:
         """A quadratic program without inequalities: its optimality conditions are linear equations.
@@ -85,10 +87,10 @@ class Strategies:
             if outcome.error <= ACCURATE * self.options.tolerance:
                 step = float(np.abs(outcome.x - x).max(initial=0.0))
                 self.monitor.count()
+                errors = judged.violation, judged.optimality
                 self.monitor.record(
-                    lambda: (stated.x, stated.y), judged.objective, judged.violation, judged.optimality, step, 1.0,
-                    0.0, 0.0, "active-set",
-                )  # fmt: skip
+                    "active-set", lambda: (stated.x, stated.y), judged.objective, *errors, step
+                )
                 return outcome
         return self._by_newton(form, x, y)
 
@@ -101,37 +103,29 @@ class Strategies:
         x, y, minimum = point.x.copy(), point.y.copy(), bends_upwards(form)
         return Outcome(End.CONVERGED, form, x, y, point.error, minimum=minimum)
 
-    def barrier(
-        self,
-        form: ScaledProblem,
-        x0: Floats,
-        tactics: Tactics,
-        options: Options | None = None,
-    ) -> Outcome:
+    def barrier(self, form: ScaledProblem, x0: Floats, tactics: Tactics) -> Outcome:
         """By a barrier, from near ``x0`` (n,)."""
-        options = options or self.options
         it = cold_iterate(form, x0 / form.x_scale)
-        return optimise(form, it, options.initial_barrier, options, self.monitor, tactics=tactics)
+        return optimise(form, it, self.options.initial_barrier, self.options, self.monitor, tactics=tactics)
 
     def feasible_first(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome:
-        """Find a feasible point before looking at the objective."""
-        it = cold_iterate(form, x0 / form.x_scale)
-        return feasible_first(form, it, self.options, self.monitor, Tactics())
+        """From the feasible point that the elastic problem near ``x0`` (n,) has: it is found before looking at the
+        objective."""
+        options, it = self.options, cold_iterate(form, x0 / form.x_scale)
+
+        def solve(problem: Formulation, start: Iterate, mu: float) -> Outcome:
+            return optimise(problem, start, mu, options, self.monitor, tactics=Tactics())
+
+        end, outcome = meet_rows(form, it, options.initial_barrier, options.feasibility_tolerance, solve)
+        if end is not None:
+            return Outcome(end, form, it.w[: form.n].copy(), it.y.copy(), outcome.error, it)
+        return solve(form, it, options.initial_barrier)
 
     def perturbed(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome:
         """Start a little off, with patience."""
-        moved = self._perturbed(form, x0, NEARBY)
-        tactics = Tactics(budget=self.options.max_iterations)
-        return self.barrier(form, moved, tactics)
-
-    def from_feasible(self, form: ScaledProblem, x: Floats) -> Outcome:
-        """Start at a feasible point ``x`` (n,), and do not leave the rows far behind."""
-        return self.barrier(form, x, Tactics(largest_theta=NEARBY))
-
-    def _perturbed(self, form: ScaledProblem, x0: Floats, by: float) -> Floats:
-        """A start near ``x0``, moved at random by a fraction of each variable's size."""
         noise = np.random.default_rng(self.options.seed).uniform(-1.0, 1.0, x0.size)
-        moved = x0 + by * noise * np.maximum(np.abs(x0), form.x_scale)
+        moved = x0 + NEARBY * noise * np.maximum(np.abs(x0), form.x_scale)
         moved = np.clip(moved, self.nlp.x_lower, self.nlp.x_upper)
         f, r = self.nlp.values(moved)
-        return moved if np.isfinite(f + r.sum()) else x0
+        tactics = Tactics(budget=self.options.max_iterations)
+        return self.barrier(form, moved if np.isfinite(f + r.sum()) else x0, tactics)

@@ -13,11 +13,10 @@ import numpy as np
 
 from stc.solver.active_set import PATIENCE, STEPS
 from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS
-from stc.solver.filter_line_search import HALF
+from stc.solver.constants import ACCURATE, HALF
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
 from stc.solver.primal_dual import PrimalDual, measure
-from stc.solver.projection_kernels import ACCURATE
 from stc.solver.quadratic import QuadraticProgram, QuadraticSolution, guess_from_multipliers
 from stc.solver.scaled_problem import ScaledProblem
 
@@ -58,9 +57,7 @@ def from_neighbour(
         monitor.count()
         f_user, violation = form.user_measures(new.x, new.f, new.r)
         step = float(np.abs(new.x - point.x).max(initial=0.0))
-        monitor.record(
-            partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step, 1.0, 0.0, 0.0, "warm"
-        )
+        monitor.record("warm", partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step)
         if new.error <= tolerance:
             return new, program.regularity <= AGAINST_DEPENDENT_ROWS
         if new.error > HALF * smallest:

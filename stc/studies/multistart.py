@@ -7,6 +7,7 @@ generator per start, seeded with the seed and the start's number: start 7 is the
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stc import deadline
 from stc.arguments import whole
 from stc.errors import EvaluationError, SpecError, UsageError
 from stc.guess_file import GivenValues, NodeValues, read_guess
@@ -174,12 +176,9 @@ def multistart(
     problem, transcription = model.transcription(options.get("method"), **constants)
     around = _Neighbourhood(transcription, transcription.bind(problem.constants, guess=guess, check=False))
     found = MultiStart()
-    tasks = (
-        _Task(
-            model, around, seed, number, {"constants": constants, "guess": guess, **options, **clock.option()}
-        )
-        for number in range(starts)
-    )
+    end = None if clock.left is None else time.time() + clock.left
+    given = {"constants": constants, "guess": guess, **options}
+    tasks = (_Task(model, around, seed, number, given, end) for number in range(starts))
     with Workers(workers) as side_by_side:
         solved = _solved if solve is None else partial(_solved, solve=solve)
         for number, solution in enumerate(side_by_side.in_order(solved, tasks)):
@@ -187,7 +186,8 @@ def multistart(
             if on_start is not None:
                 on_start(found.starts[-1])
             made = f"{number + 1} of {starts} starts were made"
-            if solution is not None and solution.status == "interrupted":
+            stopped = deadline.asked_to_stop and number + 1 < starts
+            if stopped or (solution is not None and solution.status == "interrupted"):
                 found.message = f"interrupted; {made}"
                 break
             if clock.is_over and number + 1 < starts:
@@ -199,19 +199,25 @@ def multistart(
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """One start: ``options`` are those of its solve, with the guess that the first start has."""
+    """One start: ``options`` are those of its solve, with the guess that the first start has.
+
+    ``end`` is the time at which all starts end, in seconds since the epoch: the clock that processes share.
+    """
 
     model: Model
     around: _Neighbourhood
     seed: int
     number: int
     options: dict[str, Any]
+    end: float | None
 
 
 def _solved(task: _Task, solve: Callable[..., Solution] | None = None) -> Solution | None:
     """What a start leads to, in whatever process and after whatever else; None where a function has no value there."""
     for attempt in range(ATTEMPTS if task.number else 1):
         options = dict(task.options)
+        if task.end is not None:
+            options["time_limit"] = max(task.end - time.time(), 1e-3)
         if task.number:
             options["guess"] = task.around.start(task.seed, task.number, 0.5**attempt)
         task.model.forget()

@@ -9,7 +9,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from stc import __version__
 from stc.arguments import numbers
 from stc.arguments import path as path_of
 from stc.data_sets import files_of
@@ -22,6 +21,7 @@ from stc.solver.options import given_options
 from stc.sweeps.folder import Folder, Sweep
 from stc.sweeps.grid import Grid
 from stc.sweeps.point import Found, Task, solve_point
+from stc.version import __version__
 from stc.workers import Workers
 
 __all__ = ["sweep"]

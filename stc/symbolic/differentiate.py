@@ -16,6 +16,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence, Set
 from operator import attrgetter
 from typing import Any, Final
 
+from stc.deadline import look
 from stc.symbolic.node import (
     ONE,
     ZERO,
@@ -178,6 +179,7 @@ def _by_columns(exprs: Sequence[Expr], keys: Sequence[Key], triangle: bool = Fal
                 mark ^= lowest
     entries: Entries = {}
     for col, sweep in enumerate(sweeps):
+        look()
         tangent: dict[Expr, Expr] = {}
         for node, args, rules in sweep:
             if not args:

@@ -28,7 +28,7 @@ from fractions import Fraction
 import numpy as np
 
 from stc.problem import Correction, VariableRef
-from stc.symbolic.expr import Expr, add, mul, num, substitute, sum_of, sym, symbols
+from stc.symbolic.expr import Expr, add, mul, num, reachable, substitute, sum_of, sym
 from stc.transcription.grid import Nodes
 from stc.transcription.lower import groups
 
@@ -40,12 +40,41 @@ PLACES = {
 }
 
 
+#: By variable and order of the link: the terms added to it.
+Added = Mapping[tuple[str, int], Expr]
+
+
+def of_steps(corrections: Sequence[Correction], method: str) -> list[Added]:
+    """The terms that each correction adds to the links of a step, with gradients where the method has them.
+
+    The unknowns stay at the links' own node.
+    """
+    if not corrections:
+        return []
+    unknowns = {name for correction in corrections for name in correction.unknowns}
+    shares = [share for correction in corrections for share in correction.shares.values()]
+    keys = [node.payload for node in reachable(shares) if node.op == "sym"]
+    moving = [key for key in keys if isinstance(key, VariableRef) and key.name not in unknowns]
+    places = []
+    for shift in PLACES[method]:
+        moved = {key: replace(key, shift=shift) for key in moving}
+        changes = {key: sym(other) for key, other in moved.items() if other != key}
+        places.append((changes, dict[Expr, Expr]()))
+
+    def mean(share: Expr) -> Expr:
+        gradients = [substitute(share, *place) if place[0] else share for place in places]
+        return mul(num(1 / len(gradients)), sum_of(gradients))
+
+    return [{key: mean(share) for key, share in correction.shares.items()} for correction in corrections]
+
+
 def corrections_on(
-    corrections: Sequence[Correction], nodes: Nodes, method: str
-) -> Iterator[tuple[Mapping[tuple[str, int], Expr], Nodes]]:
+    corrections: Sequence[Correction], terms: Sequence[Added], nodes: Nodes
+) -> Iterator[tuple[Added, Nodes]]:
     """The terms added to the links of steps.
 
     Args:
+        terms: of each correction, from :func:`of_steps`.
         nodes: nodes of the links, one for each step.
 
     Yields:
@@ -58,15 +87,6 @@ def corrections_on(
     for which, steps in groups(active.astype(np.int64)):
         added: dict[tuple[str, int], Expr] = {}
         for number in np.flatnonzero(which):
-            correction = corrections[int(number)]
-            for key, share in correction.shares.items():
-                gradients = [_at(share, shift, correction.unknowns) for shift in PLACES[method]]
-                mean = mul(num(1 / len(gradients)), sum_of(gradients))
-                added[key] = add(added[key], mean) if key in added else mean
+            for key, term in terms[int(number)].items():
+                added[key] = add(added[key], term) if key in added else term
         yield added, nodes[steps]
-
-
-def _at(share: Expr, shift: Fraction, unknowns: Sequence[str]) -> Expr:
-    """A term with the gradient at another place of the step; the unknowns stay at the links' own node."""
-    keys = [key for key in symbols(share) if isinstance(key, VariableRef) and key.name not in unknowns]
-    return substitute(share, {key: sym(replace(key, shift=shift)) for key in keys})

@@ -176,13 +176,14 @@ def _kept(bodies: Sequence[Expr], derivatives: Sequence[Expr], inputs: Set[objec
     A function takes as long as ten or twenty operations, and storing its result takes one or two.
     """
     had = set(reachable(bodies))
-    return [
+    had_nearly = [
         node
         for node in reachable(derivatives)
         if node.op in FUNCTIONS
         and (node in had or (node.op in _PARTNER and call(_PARTNER[node.op], node.args[0]) in had))
-        and not inputs.isdisjoint(symbols(node))
     ]
+    vary = mentioning(had_nearly, lambda key: key in inputs)
+    return [node for node, does in zip(had_nearly, vary, strict=True) if does]
 
 
 def derive(groups: Sequence[Group], uniform: Sequence[object]) -> None:

@@ -18,7 +18,7 @@ from stc.problem import FrameRange, ObjectiveTerm, ParameterRef, Problem, Relati
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import derivative
 from stc.symbolic.expr import ZERO, Expr, substitute, sum_of, sym, symbols
-from stc.transcription.corrections import corrections_on
+from stc.transcription.corrections import PLACES, corrections_on, of_steps
 from stc.transcription.grid import Grid, IntArray, Nodes, join
 from stc.transcription.lower import DataRef, Lowering, groups
 from stc.transcription.rotations import norm_row, rotation_links, velocity_rows
@@ -115,6 +115,7 @@ class Sorter:
         self.summands: list[Summand] = []
         self.weights: list[WeightTable] = []
         self.mistakes: list[Diagnostic] = []
+        self.corrected = of_steps(problem.corrections, grid.method) if grid.method in PLACES else []
 
     def run(self) -> Statements:
         """All statements of the problem, lowered.
@@ -144,7 +145,7 @@ class Sorter:
             return
         nodes = link_nodes(self.grid)
         for h, steps in self.lowering.link_groups(nodes):
-            for added, where in corrections_on(self.problem.corrections, steps, self.grid.method):
+            for added, where in corrections_on(self.problem.corrections, self.corrected, steps):
                 for name, top in self.lowering.layout.order.items():
                     for order in range(top):
                         whole, *middle = links(self.grid.method, name, order, h)
@@ -165,7 +166,7 @@ class Sorter:
                         self._add_row(lowered, ZERO, ZERO, nodes, LINK, f"angular velocity of {of}")
                 continue
             for h, steps in self.lowering.link_groups(link_nodes(self.grid)):
-                for added, where in corrections_on(self.problem.corrections, steps, self.grid.method):
+                for added, where in corrections_on(self.problem.corrections, self.corrected, steps):
                     bodies = rotation_links(self.grid.method, rotation, h)
                     for k, name in enumerate(rotation.velocity):
                         bodies[k] = bodies[k] + added.get((name, -1), ZERO)

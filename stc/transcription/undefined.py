@@ -13,14 +13,14 @@ __all__ = ["constant_fault"]
 
 
 def constant_fault(body: Expr, constants: Mapping[object, float]) -> tuple[str, dict[str, float]]:
-    """The fault in the constants of an expression, in words, and their names.
+    """Why an expression has no value whatever the unknowns are: a part made of constants alone is undefined.
 
     Args:
         body: the expression.
         constants: values by :class:`stc.problem.ConstantRef`.
 
     Returns:
-        An empty text where its constants alone leave it a value.
+        The reason in words, and the constants of that part with their values; an empty text if there is no such part.
     """
     for node in reachable([body]):  # parts before what they are parts of
         if node.op == "div" and _is_fixed(node.args[1]) and evaluate(node.args[1], constants) == 0.0:

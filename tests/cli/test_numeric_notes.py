@@ -34,13 +34,3 @@ def test_no_note_of_numpy_is_shown(
     printed = capsys.readouterr()
     assert "encountered in" not in printed.out + printed.err
     assert status == 0 or printed.out + printed.err
-
-
-def test_a_matrix_of_huge_entries_takes_the_largest_shift() -> None:
-    import numpy as np
-
-    from stc.solver.multipliers import shift_of_equations
-    from stc.solver.products import NOTHING
-
-    assert shift_of_equations(np.array([1e300, -1.0])) == NOTHING
-    assert shift_of_equations(np.array([0.5])) == NOTHING * 0.25

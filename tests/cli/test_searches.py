@@ -81,14 +81,18 @@ def test_a_walk_that_stops_says_where_and_saves_the_last_good_solution(stc_: Stc
 
 
 def test_starts_are_counted_by_the_optimum_they_lead_to(stc_: Stc) -> None:
-    status, out, err = stc_("solve", "cart_pole_swing_up", "--set", "n=20", "--starts", "3", "--seed", "5")
+    words = ("solve", "cart_pole_swing_up", "--set", "n=20", "--starts", "3", "--seed", "5")
+    status, out, err = stc_(*words)
     assert status == 0, err
     table = rows(out)
     assert table[0][:2] == ["objective", "count"]
     assert sum(int(row[1]) for row in table[1:]) == 3
-    again = stc_("solve", "cart_pole_swing_up", "--set", "n=20", "--starts", "3", "--seed", "5")[1]
-    assert rows(again) == table
-    assert stc.read("cart_pole_swing_up.npz").objective == pytest.approx(float(table[1][0]))
+    best = stc.read("cart_pole_swing_up.npz")
+    assert best.objective == pytest.approx(float(table[1][0]))
+    # Seeded, and the same whatever the number of processes is.
+    status, again, _ = stc_(*words, "--workers", "2", "-o", "again.npz")
+    assert (status, rows(again)) == (0, table)
+    np.testing.assert_array_equal(stc.read("again.npz").x, best.x)
 
 
 def test_refining_ends_below_the_tolerance_or_says_why_not(stc_: Stc) -> None:
@@ -149,6 +153,9 @@ def test_a_guess_is_read_by_name(stc_: Stc) -> None:
         (("--starts", "0"), "at least 1"),
         (("--starts", "2", "--seed", "-1"), "0 or more"),
         (("--seed", "1"), "--seed can only be used with --starts"),
+        (("--workers", "2"), "--workers can only be used with --starts"),
+        (("--starts", "2", "--workers", "0"), "--workers must be at least 1"),
+        (("--starts", "2", "--workers", "2", "--profile"), "--profile measures this process"),
         (("--starts", "2", "--warm-start", "a.npz"), "give one of them"),
         (("--guess-from", "a.csv", "--warm-start", "a.npz"), "give one of them"),
         (("--guess-from", "a.csv"), "no file `a.csv`"),

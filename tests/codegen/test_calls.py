@@ -7,60 +7,61 @@ import pytest
 
 from stc.core.calls import Bound, CallTable
 from stc.core.functions import ArgumentError, function
-from stc.solver import state
+from stc.core.structures import structure
+from stc.solver.constants import CALLS, VALUES
 
-#: Makes the call at ``state.DIAGONALS``, then notes what it has begun.
-begin = function("inertia_correction_begin")
+#: Makes the call at ``VALUES``, and looks at what that says of the values.
+evaluate = function("active_set_evaluate")
 
 
 @pytest.fixture
 def table():
-    return CallTable(state.CALLS)
+    return CallTable(CALLS)
 
 
 @pytest.fixture
-def s():
-    """The numbers of an iteration."""
-    return np.zeros(state.NUMBERS)
+def point(table):
+    """One where functions are undefined."""
+    return structure("primal_dual")(calls=table.cells, values_status=np.ones(1))
 
 
-def test_calls_are_made(table, s):
+def test_calls_are_made(table, point):
     counter, status = np.zeros(1, dtype=np.int64), np.ones(1)
-    table.put(state.DIAGONALS, function("gather_begin").bind(status, counter))
+    table.put(VALUES, function("gather_begin").bind(status, counter))
     for made in (1, 2):
-        begin(table.cells, s)
+        evaluate(point)
         assert counter[0] == made
 
 
-def test_python_functions_may_be_called_and_what_they_write_is_seen(table, s):
+def test_python_functions_may_be_called_and_what_they_write_is_seen(table, point):
     def note() -> None:
-        s[state.STIFFNESS] += 5.0
+        point.error += 5.0
 
-    table.put(state.DIAGONALS, Bound.of_python(note, ()))
+    table.put(VALUES, Bound.of_python(note, ()))
     for made in (1, 2):
-        begin(table.cells, s)
-        assert s[state.SHIFT] == 5.0 * made
+        evaluate(point)
+        assert point.error == 5.0 * made
     table.check()
 
 
 @pytest.mark.parametrize("raised", [ValueError("no"), KeyboardInterrupt()])
-def test_what_python_raises_is_raised_afterwards(table, s, raised):
+def test_what_python_raises_is_raised_afterwards(table, point, raised):
     made = []
 
     def fail() -> int:
         made.append(1)
         raise raised
 
-    table.put(state.DIAGONALS, Bound.of_python(fail, ()))
-    begin(table.cells, s)
-    begin(table.cells, s)
+    table.put(VALUES, Bound.of_python(fail, ()))
+    evaluate(point)
+    evaluate(point)
     assert len(made) == 1  # later ones are not made
     assert table.cells[-1] == 1
     with pytest.raises(type(raised)):
         table.check()
     assert table.cells[-1] == 0
     table.check()
-    begin(table.cells, s)
+    evaluate(point)
     table.forget()
     table.check()
 
@@ -74,27 +75,37 @@ def test_a_place_that_is_emptied_is_empty(table):
 
 
 def test_arguments_are_checked():
-    combine = function("step_combine")
-    factor, one, other, out = np.full(1, 2.0), np.ones(6), np.arange(6.0), np.zeros(6)
-    combine(6, factor, one, other, out)
-    np.testing.assert_array_equal(out, 1.0 + 2.0 * other)
+    times = function("point_times")
+    places, values, v, out = np.arange(6), np.full(6, 2.0), np.arange(6.0), np.zeros(6)
+    times(6, places, places, values, v, out)
+    np.testing.assert_array_equal(out, 2.0 * v)
     for wrong, message in (
-        (
-            other.astype(np.float32),
-            "other must be a one-dimensional C-contiguous array of float64, not float32",
-        ),
-        (np.zeros(12)[::2], "other must be .*strides"),
-        (other.reshape(2, 3), "other must be .*shape"),
-        ([1.0] * 6, "other must be a float64 array, not list"),
+        (v.astype(np.float32), "v must be a one-dimensional C-contiguous array of float64, not float32"),
+        (np.zeros(12)[::2], "v must be .*strides"),
+        (v.reshape(2, 3), "v must be .*shape"),
+        ([1.0] * 6, "v must be a float64 array, not list"),
     ):
         with pytest.raises(ArgumentError, match=message):
-            combine(6, factor, one, wrong, out)
-    with pytest.raises(ArgumentError, match="takes 5 arguments, not 2"):
-        combine(6, factor)
+            times(6, places, places, values, wrong, out)
+    with pytest.raises(ArgumentError, match="takes 6 arguments, not 2"):
+        times(6, places)
+
+
+def test_structures_are_filled_by_name():
+    step = structure("step")(dw=np.zeros(3))
+    with pytest.raises(ArgumentError, match="dy must be a float64 array"):
+        step.set(dy=[1.0])
+    iterate = structure("iterate")(f=2.0, z=np.ones(2))
+    iterate.array_of("theta")[0] = 3.0
+    assert (iterate.f, iterate.theta, iterate.smallest_gap) == (2.0, 3.0, 0.0)
+    with pytest.raises(KeyError):
+        iterate.set(no=1.0)
+    with pytest.raises(ArgumentError, match=r"measure.*must be a structure"):
+        function("progress_measure")(np.zeros(3))
 
 
 def test_scalars_of_a_prepared_call_can_be_set():
-    call = function("kernels_multiplier_scale").bind(1000.0, 2)  # the mean, in hundreds
+    call = function("point_multiplier_scale").bind(1000.0, 2)  # the mean, in hundreds
     assert call() == 5.0
     call.set("count", 1)
     assert call() == 10.0

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stc.codegen import engine
+from stc.codegen import engine, kernel
 from stc.codegen.fusion import find_fused
 from stc.codegen.interpreter import CHUNK, assemble
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes
@@ -126,3 +126,27 @@ def test_machine_code_takes_over_in_prepared_calls() -> None:
 def test_many_instances_are_compiled_at_once() -> None:
     tape = build_tape([mul(sym("x"), sym("x"))], [], ["x"])
     assert not compile_tapes([tape], cache=False, instances=[10_000_000]).interpreted
+
+
+def test_what_does_not_fit_the_stack_is_not_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kernel of many values at once stays with instructions, whose values are elsewhere, and gives the same."""
+    monkeypatch.setattr(kernel, "STACK", 1000)
+    values = [mul(sym("v0"), num(float(k))) for k in range(200)]
+    total = values[0]
+    for value in reversed(values):
+        total = add(mul(total, value), value)
+
+    wide, narrow = build_tape([total, *values], [], ["v0"]), build_tape([values[3]], [], ["v0"])
+    workspace, index = np.linspace(-1.0, 1.0, 20), np.zeros((1, 1, LANES), np.int32)
+    results = []
+    for tapes in ([wide], [narrow]):
+        kernels = compile_tapes(tapes, cache=False)
+        out = np.zeros((1, len(tapes[0].outputs), LANES))
+        kernels.bind(0, workspace, np.zeros(1), index, out)()
+        results.append((kernels[0].is_compiled, out[0, :, 0]))
+        if kernels.interpreted:
+            kernels.compile(cache=False)
+            assert not kernels[0].is_compiled
+    assert [compiled for compiled, _ in results] == [False, True]
+    assert np.allclose(results[0][1][1:], -np.arange(200.0))
+    assert results[1][1][0] == -3.0

@@ -304,17 +304,17 @@ def test_chains_run_kernels_and_functions_of_the_core_in_order() -> None:
     for backend in ("llvm", "numpy"):
         setting.out[:] = 0.0
         flat = setting.out.reshape(-1)
-        result, one, factor = np.zeros(flat.size), np.ones(flat.size), np.full(1, 2.0)
-        combined = function("step_combine").bind(flat.size, factor, one, flat, result)
+        result, factors = np.zeros(flat.size), np.full(flat.size, 2.0)
+        scaled = function("gather_place").bind(flat.size, flat, factors, result)
         kernel = compile_tapes([setting.tape], backend=backend).bind(0, *setting.arguments)
-        both = chain([kernel, combined])
+        both = chain([kernel, scaled])
         assert both.native == (backend == "llvm")
         both()
-        np.testing.assert_allclose(result, 1.0 + 2.0 * flat, rtol=1e-13)
-        factor[0] = 3.0
+        np.testing.assert_allclose(result, 2.0 * flat, rtol=1e-13)
+        factors[:] = 3.0
         nested = chain([both, both])
         nested()
-        np.testing.assert_allclose(result, 1.0 + 3.0 * flat, rtol=1e-13)
+        np.testing.assert_allclose(result, 3.0 * flat, rtol=1e-13)
     assert chain([])() is None
 
 

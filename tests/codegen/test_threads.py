@@ -15,7 +15,7 @@ from stc.core.calls import Bound, chain
 from stc.core.functions import function
 from stc.errors import UsageError
 
-_combine = function("step_combine")
+_place = function("gather_place")
 _total = function("gather_total")
 _copy = function("gather_copy")
 
@@ -35,9 +35,9 @@ def _job(pieces: int, size: int, seed: int):
     source, other = rng.standard_normal((2, pieces, size))
     into = np.zeros((pieces, size))
     sums, total, status = np.zeros(pieces), np.zeros(1), np.zeros((pieces, 1))
-    places, one, factor = np.arange(max(size, pieces), dtype=np.int32), np.ones(1), np.full(1, 2.0)
+    places, one = np.arange(max(size, pieces), dtype=np.int32), np.ones(1)
     phases = [
-        [_combine.bind(size, factor, source[k], other[k], into[k]) for k in range(pieces)],
+        [_place.bind(size, source[k], other[k], into[k]) for k in range(pieces)],
         [_total.bind(size, places, one, into[k], sums[k : k + 1], status[k]) for k in range(pieces)],
         [_total.bind(pieces, places, one, sums, total, status[0])],
     ]

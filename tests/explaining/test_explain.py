@@ -96,7 +96,7 @@ def test_a_swing_up_is_explained_by_its_effort_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("noise", "precision"), [(0.0, 0.05), (5e-4, 0.5)])
+@pytest.mark.parametrize(("noise", "precision"), [(0.0, 0.02), (5e-4, 0.1)])
 def test_known_weights_are_found(swing: Solution, noise: float, precision: float, tmp_path: Path) -> None:
     names = ["joint.cart", "joint.pole"]
     table = recorded(swing, names, tmp_path / "a.csv", 83.0, noise)
@@ -108,6 +108,16 @@ def test_known_weights_are_found(swing: Solution, noise: float, precision: float
     assert weight is not None
     assert float(weight[1]) == pytest.approx(0.02, rel=precision)
     assert distance(found, swing, names) < 1e-3 + 2.0 * noise
+
+
+@pytest.mark.slow
+def test_a_search_without_time_says_so_and_follows_the_recording(swing: Solution, tmp_path: Path) -> None:
+    names = ["joint.cart", "joint.pole"]
+    table = recorded(swing, names, tmp_path / "a.csv", 83.0, 0.0)
+    found = explain(table, models.locate("cart_pole.xml"), folder=tmp_path, time_limit=1e-6)
+    assert not found.good
+    assert "time limit of 1e-06 s" in found.notes[-1]
+    assert distance(found, swing, names) < 1e-3
 
 
 @pytest.mark.slow

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from mechanism_states import dynamics_of
 
@@ -81,6 +83,32 @@ def test_what_is_refused(kind: str) -> None:
     assert refusals(left) == []
     assert left.left_out == {kind}
     assert len(dynamics_of(left).residual()) == read.n_freedoms
+
+
+def test_what_is_refused_in_other_files_has_its_line_there(tmp_path: Path) -> None:
+    """Elements of included files with and without names, and of a model whose part is attached; defaults are none."""
+    muscle = '<muscle joint="j" lengthrange="0 1"/>'
+    (tmp_path / "drives.xml").write_text(
+        f"<mujocoinclude><default><default class='c'>\n<muscle force='3'/></default></default>\n<actuator>\n"
+        f"<motor joint='j'/>\n{muscle}\n{muscle}\n</actuator></mujocoinclude>"
+    )
+    (tmp_path / "hand.xml").write_text(
+        f"<mujoco>\n<worldbody>{BODY}</worldbody><actuator>\n"
+        '<muscle name="flexor" joint="j" lengthrange="0 1"/></actuator></mujoco>'
+    )
+    (tmp_path / "robot.xml").write_text(
+        '<mujoco><include file="drives.xml"/><asset><model name="hand" file="hand.xml"/></asset>\n'
+        f'<worldbody>{BODY}\n<attach model="hand" body="b" prefix="L_"/></worldbody>\n'
+        f"<actuator>{muscle}</actuator></mujoco>"
+    )
+    found = {refusal.element: refusal.place for refusal in refusals(read_model(tmp_path / "robot.xml"))}
+    lines = {name: (Path(place.file).name, place.line) for name, place in found.items() if place is not None}
+    assert lines == {
+        'actuator "j_2"': ("drives.xml", 5),
+        'actuator "j_3"': ("drives.xml", 6),
+        'actuator "j_4"': ("robot.xml", 4),
+        'actuator "L_flexor"': ("hand.xml", 3),
+    }
 
 
 def test_words_are_known() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stc.core.calls import Bound, CallTable
-from stc.solver import barrier_update, state
+from stc.core.functions import function
+from stc.core.structures import structure
 from stc.solver.filter import Filter
 
 GAPS = 10
@@ -16,22 +16,20 @@ class Barrier:
     """The parameter's numbers by themselves; every iterate counts as progress."""
 
     def __init__(self, mu: float) -> None:
-        self.s = s = np.zeros(state.NUMBERS)
-        s[[state.ADAPTIVE, state.FREE]] = 1.0
-        s[state.MU] = mu
-        s[state.LARGEST_MU] = np.inf
-        s[state.SMALLEST_MU] = 1e-11
         self.accepted = Filter(np.inf)
-        self.calls = CallTable(state.MEASURE + 1)
-        self.calls.put(state.MEASURE, Bound.of_python(lambda: 0, ()))  # errors are as they are said to be
+        self.now = structure("iterate")()
+        self.s = structure("iteration")(
+            form=structure("formulation")(gaps=GAPS), now=self.now, accepted=self.accepted.structure,
+            adaptive=True, free=True, mu=mu, largest_mu=np.inf, smallest_mu=1e-11,
+        )  # fmt: skip
 
     def iterate(self, mu: float, error: float) -> bool:
         """Measure an iterate with that error, after a step with that parameter; whether the choice is still free."""
         s = self.s
-        s[state.MU], s[state.ERROR], s[state.PRODUCTS] = mu, error, GAPS * mu
-        s[state.OBJECTIVE] -= 1.0
-        barrier_update.update(self.calls.cells, GAPS, np.zeros(1), self.accepted.array, s)
-        return bool(s[state.FREE])
+        s.mu, s.error, s.products = mu, error, GAPS * mu
+        self.now.f -= 1.0
+        function("barrier_update_update")(s)
+        return bool(s.free)
 
 
 @pytest.mark.parametrize(

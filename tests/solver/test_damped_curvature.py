@@ -6,18 +6,19 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scaled_program import dense
+from scaled_program import dense, evaluate
 from symbolic_program import SymbolicProgram
 
 from stc.solver import Options, minimize
 from stc.solver.curvature import SecondOrder, leave_saddle
-from stc.solver.iterate import evaluate
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.step_kernels import ROWS_SHARE
 from stc.solver.workspace import Workspace
 from stc.symbolic.expr import Expr
+
+#: Of step.c.
+ROWS_SHARE = 0.4
 
 Objective = Callable[[list[Expr]], Expr | float]
 

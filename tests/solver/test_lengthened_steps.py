@@ -43,7 +43,7 @@ def test_down_from_a_summit() -> None:
     result = minimize(program)
     assert result.status == "optimal"
     assert result.objective == pytest.approx(-count, abs=1e-8)
-    assert result.x == pytest.approx(np.full(count, np.pi), abs=1e-6)
+    assert np.sin(result.x) == pytest.approx(np.zeros(count), abs=1e-6)  # odd multiples of pi
     assert _longer(result.history)
 
 

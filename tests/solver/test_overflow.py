@@ -7,7 +7,7 @@ import pytest
 from symbolic_program import SymbolicProgram
 
 from stc.solver import Options
-from stc.solver.kkt import FrontalKKT
+from stc.solver.kkt import MultifrontalKKT
 from stc.solver.kkt.contract import NotFinite
 from stc.solver.kkt.dense import DenseKKT
 from stc.solver.newton_system import NewtonSystem, SingularSystem
@@ -15,7 +15,7 @@ from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import Workspace
 
 
-@pytest.mark.parametrize("kind", [FrontalKKT, DenseKKT])
+@pytest.mark.parametrize("kind", [MultifrontalKKT, DenseKKT])
 @pytest.mark.parametrize("value", [np.inf, np.nan])
 def test_factorisations_say_so(kind: type, value: float) -> None:
     one = np.zeros(1, np.int32)

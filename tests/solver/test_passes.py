@@ -1,4 +1,4 @@
-"""The compiled passes of an iteration against the formulas written out in NumPy."""
+"""The passes of an iteration against the formulas written out in NumPy."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scaled_program import dense, inside, scaled
+from scaled_program import dense, errors_of, evaluate, inside, scaled
+from symbolic_program import INF, SymbolicProgram
 
-from stc.solver import kernels, state, step_kernels
+from stc.core.functions import function
+from stc.core.structures import structure
+from stc.solver import Options
 from stc.solver.curvature import largest_step
-from stc.solver.iterate import errors_of, evaluate
+from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import Workspace
@@ -21,7 +24,7 @@ def at_work(seed: int) -> tuple[ScaledProblem, Workspace]:
     form = scaled()
     work = Workspace(form)
     work.load(inside(form, seed))
-    work.errors()
+    work.run("progress_measure")
     rng = np.random.default_rng(seed + 1)
     step = work.step
     step.dw[:] = 0.3 * rng.standard_normal(form.size) * form.moving
@@ -32,45 +35,48 @@ def at_work(seed: int) -> tuple[ScaledProblem, Workspace]:
 @given(st.integers(0, 1000), st.sampled_from([0.0, 1e-3, 0.5]))
 def test_errors_are_those_of_the_definition(seed: int, mu: float) -> None:
     form, work = at_work(seed)
-    found, wanted = work.errors(mu), errors_of(form, work.it, mu)
-    for name in ("dual", "primal", "complementarity"):
-        assert getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-12)
-    assert work.s[state.PRODUCTS] == pytest.approx(float(work.it.gap @ work.it.z), rel=1e-12)
+    s = work.s
     x, r = work.it.w[: form.n], work.it.r
-    stated = work.s[state.STATED], work.s[state.VIOLATION]
-    assert stated == pytest.approx(form.user_measures(x, work.it.f, r), rel=1e-12)
+    assert (s.stated, s.violation) == pytest.approx(form.user_measures(x, work.it.f, r), rel=1e-12)
+    work.run("point_measure", mu)
+    wanted = errors_of(form, work.it, mu)
+    assert (s.dual_error, s.primal, s.gap_error) == pytest.approx(wanted, rel=1e-12)
+    assert s.error == max(s.dual_error, s.primal, s.gap_error)
+    assert s.products == pytest.approx(float(work.it.gap @ work.it.z), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["w", "y", "z", "c", "dual"])
 def test_an_error_that_is_no_number_shows(name: str) -> None:
     _, work = at_work(0)
     getattr(work.it, name)[0] = np.nan
-    total = work.errors().total if name not in ("w", "y") else np.nan
     work.step.dw[0] = np.nan
-    work.limit_step(0.99)
-    assert not np.isfinite(work.s[state.FINITE])
+    work.run("step_lengths")
+    assert not np.isfinite(work.s.finite)
     if name in ("c", "dual", "z"):
-        errors = work.errors()
-        assert not all(np.isfinite([errors.dual, errors.primal, errors.complementarity])), total
+        work.run("point_measure", 0.0)
+        assert not np.isfinite(work.s.error)
 
 
 @given(st.integers(0, 1000), st.floats(0.5, 1.0))
 def test_steps_end_before_the_bounds(seed: int, tau: float) -> None:
     form, work = at_work(seed)
     it, step = work.it, work.step
-    work.limit_step(tau)
+    work.s.tau = tau
+    work.run("step_lengths")
     gap_step = form.sign * step.dw[form.index]
     s = work.s
-    assert s[state.PRIMAL_STEP] == pytest.approx(largest_step(it.gap, gap_step, tau), rel=1e-12)
-    assert s[state.DUAL_STEP] == pytest.approx(largest_step(it.z, step.dz, tau), rel=1e-12)
-    assert s[state.SLOPE] == pytest.approx(float(it.gradient @ step.dw[: form.n]), rel=1e-10, abs=1e-12)
-    assert s[state.LOG_SLOPE] == pytest.approx(float((gap_step / it.gap).sum()), rel=1e-10, abs=1e-12)
-    assert s[state.LENGTH] == pytest.approx(float(np.linalg.norm(step.dw[: form.n])), rel=1e-12)
-    alpha = s[state.PRIMAL_STEP]
-    assert work.try_step(alpha)
-    trial = evaluate(form, it.w + alpha * step.dw, it.y, it.z)
-    assert s[state.TRIAL_THETA] == pytest.approx(trial.theta, rel=1e-12)
-    assert work.trial_phi(0.3) == pytest.approx(trial.f - 0.3 * np.log(trial.gap).sum(), rel=1e-12)
+    assert s.primal_step == pytest.approx(largest_step(it.gap, gap_step, tau), rel=1e-12)
+    assert s.dual_step == pytest.approx(largest_step(it.z, step.dz, tau), rel=1e-12)
+    assert s.slope == pytest.approx(float(it.gradient @ step.dw[: form.n]), rel=1e-10, abs=1e-12)
+    assert s.log_slope == pytest.approx(float((gap_step / it.gap).sum()), rel=1e-10, abs=1e-12)
+    assert s.length == pytest.approx(float(np.linalg.norm(step.dw[: form.n])), rel=1e-12)
+    alpha = s.primal_step
+    work.run("point_try_step", alpha)
+    trial, tried = evaluate(form, it.w + alpha * step.dw, it.y, it.z), work.trial
+    assert tried.theta == pytest.approx(trial.theta, rel=1e-12)
+    assert tried.f == pytest.approx(trial.f, rel=1e-12)
+    assert tried.structure.logarithms == pytest.approx(np.log(trial.gap).sum(), rel=1e-12)
+    assert tried.structure.smallest_gap == pytest.approx(trial.gap.min(), rel=1e-12)
 
 
 @given(st.integers(0, 1000), st.booleans())
@@ -79,13 +85,15 @@ def test_rows_multipliers_move_as_far_as_suits_the_lagrangian(seed: int, shifted
     form, work = at_work(seed)
     it, step, n = work.it, work.step, form.n
     work.step.dw *= 0.2
-    work.limit_step(0.9)
+    work.s.tau = 0.9
+    work.run("step_lengths")
     work.shifts[:] = np.random.default_rng(seed).uniform(0.0, 1.0, n) * form.free
     shifts = shifted * work.shifts
     before = it.snapshot()
-    residual, alpha, dual = work.residual.copy(), work.s[state.PRIMAL_STEP], work.s[state.DUAL_STEP]
-    assert work.try_step(alpha)
-    assert work.move(alpha, 0.1, shifted)
+    residual, alpha, dual = work.residual.copy(), work.s.primal_step, work.s.dual_step
+    work.run("point_try_step", alpha)
+    work.s.mu, work.s.shift = 0.1, float(shifted)
+    assert work.run("point_move")
     moved = it.y - before.y
     whole = np.flatnonzero(np.abs(step.dy) > 1e-9)
     fraction = float(moved[whole[0]] / step.dy[whole[0]])
@@ -114,8 +122,8 @@ def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None
     it, s = work.it, work.s
     system = NewtonSystem(work)
     system.factorize(0.1)
-    work.predict()
-    average = s[state.PRODUCTS] / form.gaps
+    work.run("step_predict")
+    average = s.products / form.gaps
     grid = [1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0]
     errors = []
     for sigma in grid:
@@ -127,51 +135,55 @@ def test_the_centring_with_the_least_predicted_error_is_found(seed: int) -> None
         dual = float(work.residual @ work.residual) / form.moving.sum()
         primal = float(it.c @ it.c) / form.m
         errors.append(np.mean(products**2) + (1 - b) ** 2 * dual + (1 - a) ** 2 * primal)
-    assert s[state.SIGMA] == grid[int(np.argmin(errors))]
+    assert s.centring_parameter == grid[int(np.argmin(errors))]
 
 
 @given(st.lists(st.floats(1e-300, 1e300), max_size=30))
 def test_logarithms_of_products_are_sums_of_logarithms(values: list[float]) -> None:
-    found = kernels.log_sum(len(values), np.array(values))
+    found = function("point_log_sum")(len(values), np.array(values))
     assert found == pytest.approx(sum(np.log(v) for v in values), rel=1e-12, abs=1e-10)
 
 
 def test_a_logarithm_of_nothing_is_no_number() -> None:
-    assert np.isnan(kernels.log_sum(2, np.array([1.0, 0.0])))
-    assert np.isnan(kernels.log_sum(2, np.array([-1.0, -1.0])))
+    assert np.isnan(function("point_log_sum")(2, np.array([1.0, 0.0])))
+    assert np.isnan(function("point_log_sum")(2, np.array([-1.0, -1.0])))
 
 
 def test_the_slack_of_a_row_without_entries_makes_up_for_its_residual() -> None:
     """The row is a number: only its slack can meet it."""
-    none = np.zeros(0, dtype=np.int64)
-    dw, dy, dz = np.full(3, np.nan), np.full(2, np.nan), np.full(1, np.nan)
-    kind = np.array([kernels.INEQUALITY, kernels.EQUALITY], dtype=np.int32)
-    step_kernels.recover(
-        1, 2, 1, 1, 0, none, np.array([1]), np.ones(1), np.ones(1), kind, none, none, np.zeros(0),
-        np.array([-0.25, 3.0]), np.ones(1), np.full(1, 2.0), np.full(1, 0.5), np.array([0.125, 7.0, 8.0]), dw, dy, dz,
-    )  # fmt: skip
-    assert dw.tolist() == [0.125, -0.25, 0.0]
-    assert dy.tolist() == [7.0, 8.0]
-    assert dz.tolist() == [0.5 - 2.0 * -0.25 - 1.0]
+    nlp = SymbolicProgram([1.0], lambda x: x[0] ** 2, lambda x: [(0.0 * x[0] + 2.0, -INF, 9.0)])
+    form = ScaledProblem(nlp, nlp.x0, Options(scaling=False), DenseKKT)
+    assert form.jac_rows.size == 0
+    work = Workspace(form)
+    work.load(evaluate(form, np.array([1.0, 5.0]), np.zeros(1), np.full(1, 0.25)))
+    work.run("point_measure", 0.0)
+    work.s.mu = 0.5
+    NewtonSystem(work).factorize(0.5)
+    work.run("step_newton")
+    gap = 9.0 - 5.0 + 9e-9
+    assert work.step.dw.tolist() == pytest.approx([-1.0, 2.0 - 5.0])
+    assert work.step.dz.tolist() == pytest.approx([0.5 / gap - 0.25 / gap * 3.0 - 0.25])
 
 
-@pytest.mark.parametrize("gaps", [1, 7, step_kernels.BLOCK, 3 * step_kernels.BLOCK + 5])
-@pytest.mark.parametrize("short", [0.0, 2.0])
-def test_the_centring_parameter_leaves_the_smallest_error(gaps, short):
-    """Against every one of them tried."""
+@pytest.mark.parametrize("gaps", [1, 7, 512, 3 * 512 + 5])
+@pytest.mark.parametrize("far", [1.0, 30.0])
+def test_the_centring_parameter_leaves_the_smallest_error(gaps, far):
+    """Against every one of them tried; where bounds are in the way of all of them, products stay."""
     rng = np.random.default_rng(gaps)
     index = rng.integers(0, gaps + 3, gaps)
     sign = rng.choice([-1.0, 1.0], gaps)
     gap, z = rng.uniform(0.1, 2.0, gaps), rng.uniform(0.1, 2.0, gaps)
-    affine, centring = 0.3 * rng.normal(size=gaps + 3), 0.1 * rng.normal(size=gaps + 3)
+    affine, centring = 0.3 * far * rng.normal(size=gaps + 3), 0.1 * rng.normal(size=gaps + 3)
     affine_z, centring_z = -z + 0.1 * rng.normal(size=gaps), 0.5 * rng.uniform(size=gaps)
-    grid = np.array([1e-3, 0.03, 0.2, 0.6, 1.0, 5.0])
-    s = np.zeros(state.NUMBERS)
-    s[[state.PRODUCTS, state.DUAL_SQUARED, state.PRIMAL_SQUARED]] = gap @ z, 0.3, 0.2
-    step_kernels.choose_centring(
-        gaps, grid.size, 11.0, 7.0, 0.99, short, index, sign, grid, gap, z, affine, affine_z, centring, centring_z,
-        np.zeros(gaps), np.zeros(gaps), np.zeros(4 * step_kernels.BLOCK), np.zeros(4 * grid.size), s,
+    step = structure("step")
+    s = structure("iteration")(
+        form=structure("formulation")(gaps=gaps, m=7, moving_entries=11, many_gaps=True, index=index, sign=sign),
+        now=structure("iterate")(gap=gap, z=z), affine=step(dw=affine, dz=affine_z),
+        centring=step(dw=centring, dz=centring_z), scratch=np.zeros(2 * gaps), products=float(gap @ z),
+        dual_squared=0.3, primal_squared=0.2,
     )  # fmt: skip
+    function("step_choose_centring")(s)
+    grid = [1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0, 20.0, 100.0]
     errors, reaches = [], []
     for sigma in grid:
         change = sign * (affine + sigma * centring)[index]
@@ -183,5 +195,5 @@ def test_the_centring_parameter_leaves_the_smallest_error(gaps, short):
         errors.append((1 - b) ** 2 * 0.3 / 11.0 + (1 - a) ** 2 * 0.2 / 7.0 + products @ products / gaps)
         reaches.append(a)
     best = int(np.argmin(errors))
-    expected = grid[best] if reaches[best] >= short else max(grid[best], 1.0)
-    assert s[state.SIGMA] == expected
+    expected = grid[best] if reaches[best] >= 0.2 else max(grid[best], 1.0)
+    assert s.centring_parameter == expected

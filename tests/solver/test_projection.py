@@ -7,9 +7,9 @@ import pytest
 from symbolic_program import INF, SymbolicProgram
 
 from stc.solver import Options
+from stc.solver.constants import EXACT
 from stc.solver.kkt import DenseKKT
 from stc.solver.projection import ProjectionPair
-from stc.solver.projection_kernels import EXACT
 from stc.solver.scaled_problem import ScaledProblem
 from stc.symbolic.expr import call
 
@@ -49,7 +49,7 @@ def test_a_step_is_corrected_without_another_factorisation(distance):
     assert after <= EXACT * TOLERANCE or after < 0.1 * plain
     # It is evaluated where it is, and the change is that of all steps together.
     np.testing.assert_allclose(pair.next.x, [-1.0, 0.0, 0.0], atol=10.0 * after + 1e-15)
-    assert pair.largest[0] == pytest.approx(distance, rel=0.1)
+    assert pair.change == pytest.approx(distance, rel=0.1)
     assert pair.next.evaluate()
     assert pair.next.error == after
 

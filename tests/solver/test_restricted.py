@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
 import pytest
 from scaled_program import dense, scaled
 
+from stc.core.functions import function
+from stc.core.structures import structure
 from stc.solver.active_set_system import factorize_restricted
 from stc.solver.kkt.contract import Inertia
 from stc.solver.products import NOTHING
 from stc.solver.projection import Projection
+
+diagonals = function("conditions_restricted_diagonals")
 
 
 @pytest.mark.parametrize("active", ["none", "some", "all rows"])
@@ -41,13 +46,13 @@ def test_the_system_on_an_active_set(active: str, seed: int) -> None:
     right = np.where(free, -point.lagrangian - hess @ dx - jac.T @ dy, 0.0)
     rows = np.where(met, point.row_target - point.r - jac @ dx, 0.0)
     np.testing.assert_allclose(kkt.rhs, np.concatenate([right, rows]), rtol=1e-12, atol=1e-12)
-    assert point._largest[0] == np.abs(hess).max(initial=0.0)
+    assert point.s.largest_curvature == np.abs(hess).max(initial=0.0)
 
     # What is held and left out nearly moves hardly, and the others as if it did not at all.
-    firm = max(1.0, point._largest[0]) / NOTHING
-    point._diagonals.write(0.0, 0.0, firm)
+    firm = max(1.0, point.s.largest_curvature) / NOTHING
+    diagonals(point.s, 0.0, 0.0, firm)
     assert np.all(kkt.dual == np.where(met, np.where(form.equality, 0.0, NOTHING), 1.0 / NOTHING))
-    point._diagonals.write(1e-3, 1e-3, firm)
+    diagonals(point.s, 1e-3, 1e-3, firm)
     assert np.all(kkt.primal == np.where(free, 1e-3, np.where(form.held, 1.0, firm)))
     matrix = np.block([[hess + np.diag(kkt.primal), jac.T], [jac, -np.diag(kkt.dual)]])
     kept = np.concatenate([free, met])
@@ -59,21 +64,23 @@ def test_the_system_on_an_active_set(active: str, seed: int) -> None:
 
 
 class _Dense:
-    """What stands in for the diagonals and for the linear algebra: a matrix in full, and its eigenvalues."""
+    """What stands in for the linear algebra: a matrix in full, and its eigenvalues."""
 
     def __init__(self, hess: list[list[float]], jac: list[list[float]]) -> None:
         self.hess, self.jac = np.array(hess), np.array(jac)
-        self.dual = np.zeros(len(jac))
-        self.kkt = self
-        self.shifts: list[tuple[float, float]] = []
-
-    def write(self, shift_x: float, shift_y: float, _firm: float) -> None:
-        self.shifts.append((shift_x, shift_y))
+        n, m = len(hess), len(jac)
+        self.primal, self.dual = np.zeros(n), np.zeros(m)
+        self.point = structure("primal_dual")(
+            nlp=structure("program")(n=n, m=m, held=np.zeros(n), equality=np.ones(m)),
+            kkt=structure("linear_system")(primal=self.primal, dual=self.dual), active_x=np.zeros(n),
+            active_rows=np.ones(m),
+        )  # fmt: skip
+        self.tried, self.largest = 0, float(np.abs(self.hess).max())
 
     def refactor(self) -> Inertia:
-        shift_x, shift_y = self.shifts[-1]
+        self.tried += 1
         n, m = len(self.hess), len(self.jac)
-        matrix = np.block([[self.hess + shift_x * np.eye(n), self.jac.T], [self.jac, -shift_y * np.eye(m)]])
+        matrix = np.block([[self.hess + np.diag(self.primal), self.jac.T], [self.jac, -np.diag(self.dual)]])
         values = np.linalg.eigvalsh(matrix)
         counts = [int((values > 1e-14).sum()), int((values < -1e-14).sum())]
         return Inertia(*counts, n + m - sum(counts))
@@ -93,5 +100,8 @@ def test_shifts_that_cannot_help_are_not_tried(
     hess: list[list[float]], jac: list[list[float]], reached: int, positive: bool, tried: int
 ) -> None:
     given = _Dense(hess, jac)
-    assert factorize_restricted(cast(Any, given), float(np.abs(given.hess).max())) == (reached, positive)
-    assert len(given.shifts) == tried
+    assert factorize_restricted(partial(diagonals, given.point), given.largest, cast(Any, given)) == (
+        reached,
+        positive,
+    )
+    assert given.tried == tried

@@ -6,16 +6,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scaled_program import evaluate
 from symbolic_program import SymbolicProgram
 
-from stc.solver import Options, Start, minimize, state
-from stc.solver.inertia_correction import DECAY, GROWTH, median_magnitude
-from stc.solver.iterate import evaluate
+from stc.core.functions import function
+from stc.solver import Options, Start, minimize
 from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
-from stc.solver.step_kernels import ROWS_SHARE, SHARE, SLIGHT
 from stc.solver.workspace import Workspace
+
+#: Of step.c, and of inertia_correction.c.
+ROWS_SHARE, SHARE, SLIGHT = 0.4, 0.1, 1e-3
+GROWTH, DECAY = 8.0, 1.0 / 3.0
 
 
 def test_steps_are_measured_relative_to_what_is_large_where_rows_are_damped():
@@ -33,12 +36,12 @@ def test_steps_are_measured_relative_to_what_is_large_where_rows_are_damped():
     system.factorize(0.1)
     shift = system.shift
     assert shift > 0.0
-    assert work.s[state.WHOLE] == 0.0
+    assert not work.s.whole
     weighted = shift * (1.0 + np.square(point)) ** 0.25
     assert work.kkt.primal == pytest.approx(weighted)
     assert np.all(2.0 + ROWS_SHARE * 4.0 * -4.0 + weighted[1:] > 0.0)
-    work.s[state.WHOLE] = 1.0
-    work.shifted_call()
+    work.s.whole = 1
+    work.run("step_shifted")
     assert work.kkt.primal == pytest.approx(np.full(3, shift))
 
 
@@ -51,9 +54,9 @@ def test_what_the_objective_alone_bends_is_hardly_shifted():
     form = ScaledProblem(nlp, nlp.x0, Options(scaling=False), DenseKKT)
     work = Workspace(form)
     work.load(evaluate(form, np.concatenate([nlp.x0, [0.0]]), np.zeros(1), np.zeros(0)))
-    work.s[state.WHOLE], work.s[state.SHIFT] = 1.0, 50.0
-    work.diagonals_call()
-    work.shifted_call()
+    work.s.whole, work.s.shift = 1, 50.0
+    work.run("step_diagonals")
+    work.run("step_shifted")
     assert work.kkt.primal[0] == pytest.approx(50.0)
     assert work.kkt.primal[1] == pytest.approx(SHARE * 6.0 + SLIGHT * 50.0)
 
@@ -62,7 +65,7 @@ def test_what_the_objective_alone_bends_is_hardly_shifted():
 def test_the_median_magnitude(values: list[float]) -> None:
     sizes = sorted(abs(v) for v in values if v)
     expected = sizes[len(sizes) // 2] if sizes else 0.0
-    assert median_magnitude(len(values), np.array(values)) == expected
+    assert function("inertia_correction_median_magnitude")(len(values), np.array(values)) == expected
 
 
 @pytest.mark.parametrize("downwards", [0.02, 1.7, 60.0])

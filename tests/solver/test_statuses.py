@@ -95,7 +95,8 @@ def test_contradictory_bounds() -> None:
 def test_unbounded(program: SymbolicProgram) -> None:
     result = minimize(program)
     assert result.status is Status.UNBOUNDED
-    assert result.violation < 1e-4
+    # Where unknowns have grown that far, terms of a row are rounded by as much.
+    assert result.violation < 1e-4 + 16 * np.finfo(float).eps * np.abs(result.x).max()
     assert result.objective < -1e3
 
 

@@ -120,6 +120,8 @@ def test_two_processes_find_what_one_finds() -> None:
     assert both.to_dict() == alone.to_dict() and told == list(range(5))
     for one, other in zip(alone.optima, both.optima):
         np.testing.assert_array_equal(one.solution.x, other.solution.x)
+    cut = multistart(model, 4000, 1, workers=2, time_limit=1.0)
+    assert cut.message.startswith("the time limit of 1 s came first") and 1 <= len(cut.starts) < 4000
     hop = stc.load("particle_waypoints").solve()
     kinds = [robustness(hop, 3, 5, workers=count).to_dict()["kinds"] for count in (1, 2)]
     assert kinds[0] == kinds[1]

@@ -62,11 +62,16 @@ def judged(tmp_path):
     return call
 
 
+def pulled(speed, place):
+    """Both conditions of the loop, g'' + speed g' + place g = 0."""
+    return "".join(f"{g}'' + {speed}*{g}' + {place}*{g} = 0; " for g in ("xe", "ze"))
+
+
 def opened(certificate):
     return max(m.value for m in certificate.metrics if m.name.startswith("equality broken"))
 
 
-@pytest.mark.parametrize(("n", "D"), [(30, 1.4), (30, 1.5), (40, 1.4)])
+@pytest.mark.parametrize(("n", "D"), [(30, 1.4), (60, 1.5)])
 def test_a_loop_stated_by_accelerations_is_told_to_drift_and_the_advice_closes_it(judged, n, D):
     certificate = judged(n=n, D=D)
     if certificate.passed or opened(certificate) < 1e-3:
@@ -75,18 +80,29 @@ def test_a_loop_stated_by_accelerations_is_told_to_drift_and_the_advice_closes_i
     (step,) = certificate.next_steps
     assert "joint lines" not in step
     told = re.search(r"g'' \+ ([\d.]+)\*g' \+ ([\d.]+)\*g = 0", step)
-    held = "".join(f"{g}'' + {told[1]}*{g}' + {told[2]}*{g} = 0; " for g in ("xe", "ze"))
-    assert opened(judged(held, n=n, D=D)) < 0.05 * opened(certificate)
+    assert opened(judged(pulled(told[1], told[2]), n=n, D=D)) < 0.05 * opened(certificate)
+
+
+def test_a_loop_that_its_condition_closes_too_slowly_wants_frames_alone(judged):
+    weak = pulled(10, 25)
+    certificate = judged(weak, n=20)
+    assert opened(certificate) > 5e-4
+    assert (
+        "drifts open between the frames, faster than the spec's condition closes it" in certificate.headline
+    )
+    (step,) = certificate.next_steps
+    frames = re.search(r"--set n=(\d+)", step)
+    assert frames is not None and "joint lines" not in step and "g''" not in step
+    assert judged(weak, n=int(frames[1])).passed
+    wrong = judged(weak, n=20, lines="joint b = b; joint c = -c")
+    assert "drifts open" not in wrong.headline
+    assert any("joint lines" in step for step in wrong.next_steps)
 
 
 def test_the_frames_that_are_advised_close_a_loop(judged):
-    """Of several motions, which have other optima on more frames: then there is other advice."""
-    closed = []
-    for D in (1.2, 1.25, 1.3):
-        for step in judged(n=40, D=D).next_steps:
-            if frames := re.search(r"--set n=(\d+)", step):
-                closed.append(judged(n=int(frames[1]), D=D).passed)
-    assert any(closed)
+    frames = re.search(r"--set n=(\d+)", " ".join(judged(n=30).next_steps))
+    assert frames is not None
+    assert judged(n=int(frames[1])).passed
 
 
 def test_a_loop_stated_by_velocities_drifts_as_well(judged):

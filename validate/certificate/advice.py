@@ -89,6 +89,7 @@ def next_steps(
     clamped: bool = False,
     unjudged: bool = False,
     drift: str = "",
+    soft: str = "",
 ) -> list[str]:
     """Advice on the failed metrics, most important first; empty if none failed.
 
@@ -105,6 +106,7 @@ def next_steps(
         clamped: whether the model clamps solved controls, which explains a residual.
         unjudged: whether the residual could not be judged, so that wrong equations and too few frames look the same.
         drift: the advice on equalities that drift open; "" if the broken ones do not.
+        soft: the advice on contacts of the model that give way visibly; "" if none do.
     """
     found: dict[str, None] = {}
     fine = _fine_enough(metrics)
@@ -121,7 +123,7 @@ def next_steps(
         if step:
             found.update(dict.fromkeys([one for one in details if one.startswith(step)] or [step]))
         elif not wrong:
-            step = _contacts(metric) if fine else _effect(metric, more_frames)
+            step = _contacts(metric) if fine else _effect(metric, more_frames, soft)
             if step and unjudged and not fine:
                 found[_UNJUDGED] = None
             if step and not causes:
@@ -263,8 +265,8 @@ def _on_ground(metric: Metric) -> bool:
     return "on the ground" in metric.name or metric.name.startswith(_GROUND)
 
 
-def _effect(metric: Metric, more_frames: str) -> str:
-    """Advice on measurements that more frames can reduce."""
+def _effect(metric: Metric, more_frames: str, soft: str) -> str:
+    """Advice on measurements that more frames can reduce, and on the ground also stiffer contacts."""
     if metric.name.startswith("order of convergence"):
         return (
             "look for causes that are not smooth: limits that become active within a step, jumps, guesses that lead to "
@@ -274,6 +276,7 @@ def _effect(metric: Metric, more_frames: str) -> str:
         return ""
     step = f"take more frames: {more_frames}" if more_frames else "take more frames"
     if _on_ground(metric):
+        step += f"; or {soft}" if soft else ""
         step += (
             "; if that does not help, compare the solved contact forces with MuJoCo's in the page of --report"
         )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 #: A force swings from node to node where it goes up and down for so many nodes, each time by more than this share of
 #: its largest value.
 _SWINGS, _SHARE = 8, 0.02
+_ONLY_RATES = "since the spec states only its velocities or accelerations"
 
 
 def beyond_limits(setup: Setup) -> list[str]:
@@ -51,16 +52,18 @@ def clamped_controls(setup: Setup) -> list[str]:
 def drifts(setup: Setup) -> list[str]:
     """A line for each equality of the model that drifts open along the solved motion."""
     return [
-        f"{name} holds at the first frame and drifts open between the frames, since the spec states only its "
-        "velocities or accelerations"
-        for name in drifting_equalities(setup)
+        f"{name} holds at the first frame and drifts open between the frames, "
+        + ("faster than the spec's condition closes it" if pulled else _ONLY_RATES)
+        for name, pulled in drifting_equalities(setup).items()
     ]
 
 
-def drift_step(setup: Setup, more_frames: str) -> str:
-    """Advice on equalities that drift open."""
+def drift_step(setup: Setup, more_frames: str, drifts: Sequence[str]) -> str:
+    """Advice on equalities that drift open, of which :func:`drifts` tells."""
     fast = float(f"{0.5 / np.diff(setup.solution.time).max():.1g}")
     frames = f"take more frames: {more_frames}" if more_frames else "take more frames"
+    if not any(line.endswith(_ONLY_RATES) for line in drifts):
+        return frames
     return (
         f"{frames}; or constrain the position too: for a condition g = 0, write g'' + {2.0 * fast:g}*g' + "
         f"{fast**2:g}*g = 0 in place of g'' = 0"

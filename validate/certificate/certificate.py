@@ -130,7 +130,7 @@ class Certificate:
             return ["solve it again: nothing else that this solution says can be relied on"]
         if self.passed or self.solution.status != "optimal" or self.faults or self.report.faults:
             return []
-        setup = self.replays.setup
+        setup, drifts = self.replays.setup, self._drifts
         steps = advice.next_steps(
             self.metrics,
             self.equations is not None,
@@ -142,7 +142,8 @@ class Certificate:
             refused=bool(self.refused),
             clamped=bool(causes.clamped_controls(setup)),
             unjudged="inverse-dynamics residual" in self.report.unjudged,
-            drift=causes.drift_step(setup, self.more_frames) if self._drifts else "",
+            drift=causes.drift_step(setup, self.more_frames, drifts) if drifts else "",
+            soft=contact_causes.soft_step(self.replays),
         )
         if self.equations is None or not self.equations.steps:
             return steps
@@ -160,7 +161,7 @@ class Certificate:
 
     def facts(self) -> list[tuple[str, str]]:
         """The origin of the numbers, as pairs of label and text."""
-        from stc import __version__
+        from stc.version import __version__
 
         report, solution = self.report, self.solution
         made = solution.stc_version

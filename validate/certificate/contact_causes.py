@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: Of the largest value of a line, so much at least is a force that something has to give.
 _ACTS = 1e-3
+#: Contacts with a larger time constant than this, in s, give way visibly at a landing.
+_SOFT = 5e-3
 
 
 def causes(replays: Replays) -> list[str]:
@@ -79,6 +81,21 @@ def _friction(one: ContactForces) -> str:
         return ""
     stated, model = np.median(across[known] / press[known]), np.median(seen.friction[known])
     return f"{FRICTION_STEP}; body {one.body} has {stated:.3g} times its normal force, its contacts have {model:.3g}"
+
+
+def soft_step(replays: Replays) -> str:
+    """Advice on a model whose contacts are softer than a landing is short; "" for other models."""
+    if not replays.ground:
+        return ""
+    model = replays.setup.compiled
+    touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    time = float(model.geom_solref[touches, 0].max(initial=0.0))
+    if time <= _SOFT:
+        return ""
+    return (
+        f"make the model's contacts stiffer, which give way with a time constant of {time:g} s: the lines "
+        "`set option.solref.time = 0.0005; set option.impratio = 100;` under replay: do that"
+    )
 
 
 def contact_steps(replays: Replays) -> list[str]:

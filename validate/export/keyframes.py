@@ -1,6 +1,7 @@
 """The model of a motion as MJCF with a keyframe per frame, including the fields that the spec sets.
 
-Numbers are inserted into the model's own text with all their digits; MuJoCo's writer would keep six.
+Numbers are inserted into the model's own text with all their digits; MuJoCo's writer would keep six.  URDFs, and models
+of which the spec or the file itself makes parts, have no such text (:mod:`stc.validate.export.writing`).
 Included files become part of the text, and the assets are copied beside it, so that file and folder can be moved.
 The written file is read back and compared with the model of the validation.
 """
@@ -19,13 +20,17 @@ import numpy as np
 
 from stc.arguments import same_file, spare
 from stc.atomic import replacing
+from stc.urdf import is_urdf
 from stc.validate.export.controls import steps
-from stc.validate.metrics import FloatArray
+from stc.validate.export.writing import set_inertia, text, written
 from stc.validate.model import ModelError, load_model, model_files
 from stc.validate.setup import Setup
 
 if TYPE_CHECKING:
     import mujoco
+
+#: Elements that make others, which are not in the text.
+_MADE = ("replicate", "attach")
 
 #: Fields of a compiled model that must come back as they were, up to rounding.
 _COMPARED = (
@@ -33,6 +38,9 @@ _COMPARED = (
     "body_inertia",
     "body_ipos",
     "body_pos",
+    "body_quat",
+    "jnt_pos",
+    "jnt_axis",
     "body_gravcomp",
     "dof_damping",
     "dof_armature",
@@ -43,6 +51,10 @@ _COMPARED = (
     "qpos_spring",
     "geom_friction",
     "actuator_gear",
+    "actuator_gainprm",
+    "actuator_biasprm",
+    "actuator_ctrlrange",
+    "wrap_prm",
 )
 
 
@@ -58,12 +70,19 @@ def write(setup: Setup, path: Path, time_step: float | None = None) -> None:
         ModelError: the model's text cannot hold the fields that the spec sets.
         UsageError: a copy of an asset would overwrite another file of the model.
     """
-    root = ET.parse(setup.path).getroot()
-    _include(root, setup.path.parent)
+    content = setup.path.read_text(encoding="utf-8", errors="replace")
+    own = not setup.solution.additions and not is_urdf(setup.path, content)
+    if own:
+        root = ET.parse(setup.path).getroot()
+        _include(root, setup.path.parent)
+        own = not any(element.tag in _MADE for element in root.iter())
+    if not own:
+        root = written(setup.description(), setup.compiled)
     assets = path.with_name(f"{path.stem}_assets")
     with _whole_or_not(assets):
         _collect_assets(root, setup.path, assets)
-        _set_fields(root, setup)
+        if own:
+            _set_fields(root, setup)
         option = _child(root, "option")
         option.set("timestep", repr(steps(setup, time_step)[1]))
         for old in root.findall("keyframe"):
@@ -106,12 +125,8 @@ def _keyframes(setup: Setup) -> ET.Element:
         act[setup.activations.addresses] = setup.activations.at(part, frame)
         for name, values in (("qpos", qpos), ("qvel", qvel), ("act", act), ("ctrl", ctrl)):
             if len(values):
-                key.set(name, _text(values))
+                key.set(name, text(values))
     return made
-
-
-def _text(values: FloatArray) -> str:
-    return " ".join(repr(float(value)) for value in np.atleast_1d(values))
 
 
 def _child(parent: ET.Element, tag: str) -> ET.Element:
@@ -179,31 +194,23 @@ def _set_fields(root: ET.Element, setup: Setup) -> None:
         kind, name, *_ = path.split(".")
         if kind == "option":
             value = getattr(model.opt, name)
-            _child(root, "option").set(name, _text(np.asarray(value, dtype=float)))
+            _child(root, "option").set(name, text(np.asarray(value, dtype=float)))
         elif kind == "body":
             _set_body(root, model, name)
         elif kind == "joint":
             _set_joint(root, model, name, path.split(".")[2], degrees)
         elif kind == "geom":
-            _named(root, "geom", name).set("friction", _text(model.geom_friction[model.geom(name).id]))
+            _named(root, "geom", name).set("friction", text(model.geom_friction[model.geom(name).id]))
         elif kind == "actuator":
-            _actuator(root, name).set("gear", _text(model.actuator_gear[model.actuator(name).id]))
+            _actuator(root, name).set("gear", text(model.actuator_gear[model.actuator(name).id]))
 
 
 def _set_body(root: ET.Element, model: mujoco.MjModel, name: str) -> None:
     element, body = _named(root, "body", name), int(model.body(name).id)
-    element.set("pos", _text(model.body_pos[body]))
+    element.set("pos", text(model.body_pos[body]))
     if model.body_gravcomp[body] or element.get("gravcomp"):
-        element.set("gravcomp", _text(model.body_gravcomp[body]))
-    inertial = element.find("inertial")
-    if inertial is None:
-        inertial = ET.Element("inertial")
-        element.insert(0, inertial)
-    inertial.attrib.clear()
-    inertial.set("pos", _text(model.body_ipos[body]))
-    inertial.set("quat", _text(model.body_iquat[body]))
-    inertial.set("mass", _text(model.body_mass[body]))
-    inertial.set("diaginertia", _text(model.body_inertia[body]))
+        element.set("gravcomp", text(model.body_gravcomp[body]))
+    set_inertia(element, model, body)
 
 
 def _set_joint(root: ET.Element, model: mujoco.MjModel, name: str, field: str, degrees: bool) -> None:
@@ -214,13 +221,13 @@ def _set_joint(root: ET.Element, model: mujoco.MjModel, name: str, field: str, d
     scale = math.degrees(1.0) if degrees and hinge else 1.0
     if field in ("lower", "upper"):
         element.set("limited", "true")
-        element.set("range", _text(scale * model.jnt_range[index]))
+        element.set("range", text(scale * model.jnt_range[index]))
     elif field == "springref":
-        element.set("springref", _text(scale * model.qpos_spring[model.jnt_qposadr[index]]))
+        element.set("springref", text(scale * model.qpos_spring[model.jnt_qposadr[index]]))
     elif field == "stiffness":
-        element.set("stiffness", _text(model.jnt_stiffness[index]))
+        element.set("stiffness", text(model.jnt_stiffness[index]))
     else:
-        element.set(field, _text(getattr(model, f"dof_{field}")[model.jnt_dofadr[index]]))
+        element.set(field, text(getattr(model, f"dof_{field}")[model.jnt_dofadr[index]]))
 
 
 def _named(root: ET.Element, tag: str, name: str) -> ET.Element:

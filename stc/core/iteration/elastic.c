@@ -1,49 +1,15 @@
-/* The elastic form of a problem and its linear system, compiled (see elastic.h).
- *
- * Unknowns are those of the problem, (n,), then p and q, (m,) each; entries of the Jacobian those of the problem, then the
- * columns of p and q.
- *
- * A program whose complementary products are a penalty of the objective instead of rows.
- *
- *     minimise f(x) + weight * sum of a_k(x) b_k(x)    subject to the other rows, a_k >= 0 and b_k >= 0 among them
- *
- * Where the products are nothing at a solution, and the weight is finite, that is a solution of the program with the rows,
- * with the weight as the multiplier of each (the exact l1 penalty; S. Leyffer, G. Lopez-Calva and J. Nocedal, Interior
- * methods for mathematical programs with complementarity constraints, SIAM J. Optim. 17, 2006).  Unlike the rows, whose
- * gradients depend on those of the sides wherever they hold, the penalty takes no constraint qualification away.
- *
- * The elastic form of a problem: rows may be violated, at a price, and the objective is left aside.
- *
- *     minimise    price * sum(p + q) + 1/2 * |proximity * (x - reference)|^2
- *     subject to  r(x) - p + q - s = 0,    p, q >= 0,    bounds on (x, s) as before
- *
- * Its constraints always have independent gradients.  p and q are eliminated before the factorisation, where they
- * add 1 / P_p + 1 / P_q to the dual diagonal of their row, P being their entries of the primal diagonal:
- *
- *     [ H + P_x   0    J^T ] [dx]                      [ H + P_x   J^T                   ] [dx]
- *     [   0      P_pq  E^T ] [d(p, q)]       ==>       [   J      -(D + E P_pq^-1 E^T)   ] [dy]
- *     [   J       E   -D   ] [dy]
- *
- * so the sparsity, and the linear algebra, are those of the problem itself. */
-#include "../native.h"
+/* The elastic form of a problem, its linear system, and penalties: see elastic.h. */
 #include "elastic.h"
-#include "state.h"
 
-/* The calls of an attempt to factorise: what comes before, and the attempt of the problem's own system. */
-enum {
-    ELASTIC_ELIMINATE = 0,
-    ELASTIC_ATTEMPT = 1,
-};
-
-void elastic_values(int64_t n, int64_t m, double price, const double *restrict curvature,
-                    const double *restrict reference, const double *restrict own_r,
-                    const double *restrict own_status, const double *restrict x, double *restrict f,
-                    double *restrict r, double *restrict status) {
+void elastic_values(elastic_program *e) {
+    int64_t n = e->n, m = e->m;
+    const double *restrict x = e->at->x, *restrict own_r = e->own->r;
+    double *restrict r = e->at->r;
     double away = 0.0;
 #pragma omp simd reduction(+ : away)
     for (int64_t k = 0; k < n; k++) {
-        double way = x[k] - reference[k];
-        away += curvature[k] * way * way;
+        double way = x[k] - e->reference[k];
+        away += e->curvature[k] * way * way;
     }
     double total = 0.0;
 #pragma omp simd reduction(+ : total)
@@ -53,65 +19,63 @@ void elastic_values(int64_t n, int64_t m, double price, const double *restrict c
         r[k] = own_r[k] - p + q;
         total += p + q;
     }
-    f[0] = price * total + 0.5 * away;
-    status[0] = own_status[0] + 0.0 * f[0];
+    e->at->f[0] = e->price * total + 0.5 * away;
+    e->at->values_status[0] = e->own->values_status[0] + 0.0 * e->at->f[0];
 }
 
-void elastic_derivatives(int64_t n, int64_t entries, const double *restrict free, const double *restrict curvature,
-                         const double *restrict reference, const double *restrict own_jac, const double *restrict x,
-                         double *restrict gradient, double *restrict jac) {
-    for (int64_t k = 0; k < n; k++) gradient[k] = free[k] * curvature[k] * (x[k] - reference[k]);
-    for (int64_t k = 0; k < entries; k++) jac[k] = own_jac[k];
+void elastic_derivatives(elastic_program *e) {
+    for (int64_t k = 0; k < e->n; k++)
+        e->at->gradient[k] = e->free[k] * e->curvature[k] * (e->at->x[k] - e->reference[k]);
+    point_copy(e->jac_entries, e->own->jac, e->at->jac);
 }
 
-void elastic_state(double unit, const double *restrict f, double *restrict s) {
-    s[STATED] = f[0] / unit;
-}
+void elastic_state(double unit, const double *f, double *stated) { stated[0] = f[0] / unit; }
 
-void elastic_eliminate(int64_t n, int64_t m, int64_t entries, const double *restrict jac,
-                       const double *restrict primal, const double *restrict dual, double *restrict inverse,
-                       double *restrict own_jac, double *restrict own_primal, double *restrict own_dual) {
-    for (int64_t k = 0; k < entries; k++) own_jac[k] = jac[k];
-    for (int64_t k = 0; k < n; k++) own_primal[k] = primal[k];
-    const double *of_p = jac + entries;
-    const double *of_q = jac + entries + m;
+void elastic_eliminate(elastic_system *e) {
+    int64_t n = e->n, m = e->m;
+    const double *restrict of_p = e->kkt->jac + e->jac_entries, *restrict of_q = of_p + m;
+    double *restrict inverse = e->inverse, *restrict primal = e->kkt->primal;
+    point_copy(e->jac_entries, e->kkt->jac, e->own->jac);
+    point_copy(n, primal, e->own->primal);
     for (int64_t k = 0; k < m; k++) {
         inverse[k] = 1.0 / primal[n + k];
         inverse[m + k] = 1.0 / primal[n + m + k];
-        own_dual[k] = dual[k] + of_p[k] * of_p[k] * inverse[k] + of_q[k] * of_q[k] * inverse[m + k];
+        e->own->dual[k] = e->kkt->dual[k] + of_p[k] * of_p[k] * inverse[k] + of_q[k] * of_q[k] * inverse[m + k];
     }
 }
 
-int64_t elastic_attempt(const int64_t *calls, int64_t m, const int64_t *own_inertia, int64_t *inertia) {
-    invoke(calls, ELASTIC_ELIMINATE);
-    int64_t ended = invoke(calls, ELASTIC_ATTEMPT);
+int64_t elastic_attempt(elastic_system *e) {
+    elastic_eliminate(e);
+    int64_t ended = invoke(e->calls, ATTEMPT);
     if (ended == 0) {
-        inertia[0] = own_inertia[0] + 2 * m;
-        inertia[1] = own_inertia[1];
-        inertia[2] = own_inertia[2];
+        e->inertia[0] = e->own->inertia[0] + 2 * e->m;
+        e->inertia[1] = e->own->inertia[1];
+        e->inertia[2] = e->own->inertia[2];
     }
     return ended;
 }
 
-void elastic_hand_on(int64_t n, int64_t m, int64_t entries, const double *restrict jac,
-                     const double *restrict inverse, const double *restrict rhs, double *restrict own_rhs) {
-    const double *of_p = jac + entries;
-    const double *of_q = jac + entries + m;
-    for (int64_t k = 0; k < n; k++) own_rhs[k] = rhs[k];
+void elastic_hand_on(elastic_system *e, int64_t second) {
+    int64_t n = e->n, m = e->m;
+    const double *restrict of_p = e->kkt->jac + e->jac_entries, *restrict of_q = of_p + m;
+    const double *restrict inverse = e->inverse, *restrict rhs = second ? e->kkt->second_rhs : e->kkt->rhs;
+    double *restrict own = second ? e->own->second_rhs : e->own->rhs;
+    point_copy(n, rhs, own);
     for (int64_t k = 0; k < m; k++) {
         double pulls = of_p[k] * inverse[k] * rhs[n + k] + of_q[k] * inverse[m + k] * rhs[n + m + k];
-        own_rhs[n + k] = rhs[n + 2 * m + k] - pulls;
+        own[n + k] = rhs[n + 2 * m + k] - pulls;
     }
 }
 
-void elastic_complete(int64_t n, int64_t m, int64_t entries, const double *restrict jac,
-                      const double *restrict inverse, const double *restrict rhs,
-                      const double *restrict own_solution, double *restrict solution) {
-    const double *of_p = jac + entries;
-    const double *of_q = jac + entries + m;
-    for (int64_t k = 0; k < n; k++) solution[k] = own_solution[k];
+void elastic_complete(elastic_system *e, int64_t second) {
+    int64_t n = e->n, m = e->m;
+    const double *restrict of_p = e->kkt->jac + e->jac_entries, *restrict of_q = of_p + m;
+    const double *restrict inverse = e->inverse, *restrict rhs = second ? e->kkt->second_rhs : e->kkt->rhs;
+    const double *restrict own = second ? e->own->second_solution : e->own->solution;
+    double *restrict solution = second ? e->kkt->second_solution : e->kkt->solution;
+    point_copy(n, own, solution);
     for (int64_t k = 0; k < m; k++) {
-        double dy = own_solution[n + k];
+        double dy = own[n + k];
         solution[n + k] = inverse[k] * (rhs[n + k] - of_p[k] * dy);
         solution[n + m + k] = inverse[m + k] * (rhs[n + m + k] - of_q[k] * dy);
         solution[n + 2 * m + k] = dy;

@@ -1,55 +1,54 @@
-/* The elastic form of a problem and its linear system, compiled (see elastic.h). */
+/* The elastic form of a problem and its linear system (stc/solver/elastic.py), and programs whose complementary products
+ * are a penalty (stc/solver/penalised.py).
+ *
+ * Unknowns are those of the problem, then p and q, (m) each; entries of the Jacobian those of the problem, then the
+ * columns of p and q. */
 #ifndef STC_ELASTIC_H
 #define STC_ELASTIC_H
 
-#include "../native.h"
+#include "iteration.h"
 
-/* The elastic objective and rows, from the problem's own. */
-API void elastic_values(int64_t n, int64_t m, double price, const double *restrict curvature,
-                        const double *restrict reference, const double *restrict own_r,
-                        const double *restrict own_status, const double *restrict x, double *restrict f,
-                        double *restrict r, double *restrict status);
+/* price * sum(p + q) + 1/2 * curvature * |x - reference|^2, rows r(x) - p + q. */
+typedef API_STRUCT {
+    int64_t n, m, jac_entries;          /* of the problem */
+    double price;
+    const double *free;                 /* 1 for variables that may change, (n) */
+    const double *curvature, *reference;
+    const evaluation *own, *at;         /* of the problem, and of its elastic form */
+} elastic_program;
 
-/* The elastic gradient and Jacobian, but for the parts of p and q, which are constant. */
-API void elastic_derivatives(int64_t n, int64_t entries, const double *restrict free,
-                             const double *restrict curvature, const double *restrict reference,
-                             const double *restrict own_jac, const double *restrict x, double *restrict gradient,
-                             double *restrict jac);
-
+API void elastic_values(elastic_program *e);
+/* But for the parts of p and q, which are constant. */
+API void elastic_derivatives(elastic_program *e);
 /* Note the problem's own objective in the user's terms. */
-API void elastic_state(double unit, const double *restrict f, double *restrict s);
+API void elastic_state(double unit, const double *f, double *stated);
 
-/* Hand on a matrix without p and q, whose diagonal is inverted, (2 * m,). */
-API void elastic_eliminate(int64_t n, int64_t m, int64_t entries, const double *restrict jac,
-                           const double *restrict primal, const double *restrict dual, double *restrict inverse,
-                           double *restrict own_jac, double *restrict own_primal, double *restrict own_dual);
+/* The linear system, from which p and q are eliminated. */
+typedef API_STRUCT {
+    int64_t n, m, jac_entries;
+    const int64_t *calls;               /* the ATTEMPT of the problem's own system */
+    const linear_system *own, *kkt;     /* of the problem, and of its elastic form */
+    double *inverse;                    /* of the diagonal of p and q, (2 m) */
+    int64_t *inertia;
+} elastic_system;
 
+/* Hand on the matrix without p and q. */
+API void elastic_eliminate(elastic_system *e);
 /* Factorise where all goes as it did before; what the problem's own system says of it. */
-API int64_t elastic_attempt(const int64_t *calls, int64_t m, const int64_t *own_inertia, int64_t *inertia);
-
-/* The right-hand side without p and q. */
-API void elastic_hand_on(int64_t n, int64_t m, int64_t entries, const double *restrict jac,
-                         const double *restrict inverse, const double *restrict rhs, double *restrict own_rhs);
-
-/* The solution with p and q. */
-API void elastic_complete(int64_t n, int64_t m, int64_t entries, const double *restrict jac,
-                          const double *restrict inverse, const double *restrict rhs,
-                          const double *restrict own_solution, double *restrict solution);
+API int64_t elastic_attempt(elastic_system *e);
+/* The right-hand side without p and q, and the solution with them; the second ones, or the first. */
+API void elastic_hand_on(elastic_system *e, int64_t second);
+API void elastic_complete(elastic_system *e, int64_t second);
 
 /* Rows that are left, and the objective with the others. */
-API void elastic_take_values(int64_t m, const int64_t *restrict kept, int64_t count,
-                             const int64_t *restrict product, const double *restrict all_f,
-                             const double *restrict all_r, double *restrict f, double *restrict r);
-
+API void elastic_take_values(int64_t m, const int64_t *kept, int64_t count, const int64_t *product,
+                             const double *all_f, const double *all_r, double *f, double *r);
 /* Those of rows that are left as they are, those of products the factor of the objective. */
-API void elastic_give_multipliers(int64_t m, const int64_t *restrict kept, int64_t count,
-                                  const int64_t *restrict product, const double *restrict y,
-                                  const double *restrict weight, double *restrict all_y);
-
+API void elastic_give_multipliers(int64_t m, const int64_t *kept, int64_t count, const int64_t *product,
+                                  const double *y, const double *weight, double *all_y);
 /* The Jacobian of rows that are left, and the gradient with the others. */
-API void elastic_take_derivatives(int64_t n, int64_t entries, const int64_t *restrict kept, int64_t count,
-                                  const int64_t *restrict product, const int64_t *restrict cols,
-                                  const double *restrict all_gradient, const double *restrict all_jac,
-                                  double *restrict gradient, double *restrict jac);
+API void elastic_take_derivatives(int64_t n, int64_t entries, const int64_t *kept, int64_t count,
+                                  const int64_t *product, const int64_t *cols, const double *all_gradient,
+                                  const double *all_jac, double *gradient, double *jac);
 
 #endif

@@ -1,10 +1,7 @@
-/* Inertia correction, compiled: which shift of the Hessian to try next.
+/* Inertia correction: which shift of the Hessian to try next.
  *
- * A. Waechter and L. T. Biegler, Math. Program. 106, 2006, algorithm IC. See stc.solver.newton_system for the
- * system, and state.h for the numbers s and the calls. */
-#include "../native.h"
-#include "inertia_correction.h"
-#include "state.h"
+ * A. Waechter and L. T. Biegler, Math. Program. 106, 2006, algorithm IC. See stc.solver.newton_system for the system. */
+#include "iteration.h"
 #include "../staged/contract.h"
 
 /* In units of the Hessian's usual curvature, which is taken to be within these. */
@@ -17,32 +14,25 @@
 #define GROWTH 8.0
 #define DECAY 0.3333333333333333
 /* Iterations in a row at most in which a matrix without a shift is not tried, after it has failed again and again. */
-enum {
-    MOST_UNTRIED = 3,
-};
-enum {
-    INERTIA_CORRECTION_WATCHED = 6,
-};
-#define SLOW 0.6
+enum { MOST_UNTRIED = 3 };
 /* So many damped steps in a row that are whole, but leave more than such a share of the dual error, are the last. */
+enum { WATCHED = 6 };
+#define SLOW 0.6
 /* Share of the variables that an objective has to bend at least. */
 #define BENT 0.05
-/* What a factorisation has to do next: try the shifts, look at what that has found, shift more, damp, or either, ... */
-#define TRY 0.0
-#define DAMP 3.0
-#define INERTIA_CORRECTION_LOOK 1.0
-#define DAMP_OR_GROW 4.0
-#define GROW 2.0
-/* ... and how it may end: done, or somebody else has to factorise, provide a call, or give up. */
+/* What a factorisation has to do next. */
 enum {
-    INERTIA_CORRECTION_DONE = 0,
-    REFACTOR = 1,
-    INERTIA_CORRECTION_CALL_MISSING = 2,
-    NO_SHIFT = 3,
+    TRY = 0,           /* factorise with the shifts */
+    LOOK_AT = 1,       /* look at the inertia */
+    GROW = 2,          /* shift more */
+    DAMP = 3,          /* damp the rows' part of the Hessian */
+    DAMP_OR_GROW = 4,  /* that, or shift more where it makes no difference */
 };
-#define UNKNOWN (-1.0)
+/* Whether the objective bends enough for that: `bends` before it has been found out. */
+enum { UNKNOWN = -1 };
 
-double inertia_correction_median_magnitude(int64_t count, double *restrict values) {
+/* Found by parting them again and again (C. A. R. Hoare, Algorithm 65: find, Commun. ACM 4, 1961). */
+double inertia_correction_median_magnitude(int64_t count, double *values) {
     int64_t last = -1;
     for (int64_t k = 0; k < count; k++) {
         double value = fabs(values[k]);
@@ -83,159 +73,140 @@ double inertia_correction_median_magnitude(int64_t count, double *restrict value
  *
  * Entries of a motion's Hessian shrink with its steps of time, and a shift that is large beside all of them shortens
  * steps in every direction: what is added to a diagonal has to be relative to the matrix (P. E. Gill, W. Murray and
- * M. H. Wright, Practical Optimization, 1981, 4.4.2).
- *
- * diagonal: which of hess are on its diagonal, (count,); scratch is work space, (count,). */
-static double usual_curvature(int64_t count, const int64_t *restrict diagonal, const double *restrict hess,
-                              double *restrict scratch) {
-    for (int64_t k = 0; k < count; k++) scratch[k] = hess[diagonal[k]];
-    double found = inertia_correction_median_magnitude(count, scratch);
+ * M. H. Wright, Practical Optimization, 1981, 4.4.2). */
+static double usual_curvature(iteration *it) {
+    int64_t count = it->form->diagonal_entries;
+    for (int64_t k = 0; k < count; k++) it->scratch[k] = it->at->hess[it->form->diagonal_entry[k]];
+    double found = inertia_correction_median_magnitude(count, it->scratch);
     return found > 0.0 ? dmin(dmax(found, SMALLEST_CURVATURE), LARGEST_CURVATURE) : 1.0;
 }
 
 /* The first shift to try after the last iterate's. */
-static double smaller_shift(const double *restrict s) {
-    return dmax(SMALLEST_SHIFT, DECAY * s[LAST_SHIFT]);
-}
+static double smaller_shift(const iteration *it) { return dmax(SMALLEST_SHIFT, DECAY * it->last_shift); }
 
-void inertia_correction_begin(const int64_t *calls, double *s) {
-    invoke(calls, DIAGONALS);
-    s[WHOLE] = 1.0;
-    s[SHIFT] = s[STIFFNESS];
-    s[SOFT] = NOTHING * sqrt(sqrt(dmax(s[MU], 1e-12)));
-    s[DUAL_SHIFT] = 0.0;
-    s[TASK] = TRY;
-    if (s[UNTRIED] > 0.0) { /* without a shift: it has failed again and again */
-        s[UNTRIED] -= 1.0;
-        s[SHIFT] = dmax(s[STIFFNESS], smaller_shift(s));
-        if (s[EXACT] == 0.0) s[TASK] = DAMP;
+void inertia_correction_begin(iteration *it) {
+    step_diagonals(it);
+    it->whole = 1;
+    it->shift = it->stiffness;
+    it->soft = NOTHING * sqrt(sqrt(dmax(it->mu, 1e-12)));
+    it->dual_shift = 0.0;
+    it->task = TRY;
+    if (it->untried > 0) { /* without a shift: it has failed again and again */
+        it->untried--;
+        it->shift = dmax(it->stiffness, smaller_shift(it));
+        if (!it->exact) it->task = DAMP;
     }
 }
 
-double inertia_correction_larger_shift(const double *restrict s) {
-    double last = s[LAST_SHIFT];
-    double grown = s[SHIFT] * (last == 0.0 ? GROWTH_AT_FIRST : GROWTH);
-    if (s[WHOLE] != 0.0 && s[SHIFT] < last) grown = dmin(grown, last);
-    return dmax(grown, smaller_shift(s));
+/* Steps are the longer the nearer a shift is to the smallest that serves (J. J. More and D. C. Sorensen, SIAM J. Sci.
+ * Stat. Comput. 4, 1983): where a smaller one than the last iterate's has failed, that is tried next, before larger
+ * ones. Of a damped Hessian, whose shifts are small, a larger one costs less than a factorisation. */
+double inertia_correction_larger_shift(iteration *it) {
+    double last = it->last_shift;
+    double grown = it->shift * (last == 0.0 ? GROWTH_AT_FIRST : GROWTH);
+    if (it->whole && it->shift < last) grown = dmin(grown, last);
+    return dmax(grown, smaller_shift(it));
 }
 
-/* Use a share of the rows' part of the Hessian only; 0 when that is so already, or of no use. */
-static int64_t damp(const int64_t *calls, int64_t n, int64_t count, const int64_t *diagonal, const double *bend,
-                    double *s) {
-    if (s[WHOLE] == 0.0 || s[BENDS] == 0.0) return 0;
-    if (s[BENDS] == UNKNOWN || s[BENDS_ALIKE] == 0.0) invoke(calls, BEND);
-    if (s[BENDS] == UNKNOWN) {
+/* Use a share of the rows' part of the Hessian only; false when that is so already, or of no use. */
+static bool damp(iteration *it) {
+    if (!it->whole || it->bends == 0) return false;
+    if (it->bends == UNKNOWN || !it->bends_alike) step_bend(it);
+    if (it->bends == UNKNOWN) {
         int64_t bent = 0;
         int64_t downwards = 0;
-        for (int64_t k = 0; k < count; k++) {
-            bent += bend[diagonal[k]] > 0.0;
-            downwards += bend[diagonal[k]] < 0.0;
+        for (int64_t k = 0; k < it->form->diagonal_entries; k++) {
+            bent += it->bend[it->form->diagonal_entry[k]] > 0.0;
+            downwards += it->bend[it->form->diagonal_entry[k]] < 0.0;
         }
-        s[BENDS] = downwards == 0 && bent >= BENT * n && bent > 0 ? 1.0 : 0.0;
-        if (s[BENDS] == 0.0) return 0;
+        it->bends = downwards == 0 && bent >= BENT * it->form->n && bent > 0;
+        if (!it->bends) return false;
     }
-    invoke(calls, DAMPED);
-    s[WHOLE] = 0.0;
-    return 1;
+    step_damp(it);
+    it->whole = 0;
+    return true;
 }
 
-int64_t inertia_correction_factorize(const int64_t *calls, int64_t n, int64_t m, int64_t count,
-                                     const int64_t *diagonal, const double *bend, const double *hess,
-                                     double *scratch, const int64_t *inertia, double *accuracy, double *s) {
-    int64_t ended = INERTIA_CORRECTION_DONE;
+/* What the inertia of the matrix asks for; the dual shift, where the matrix is singular. */
+static int64_t next_task(iteration *it, bool singular) {
+    if (singular && it->dual_shift == 0.0 && it->form->any_equality) {
+        it->dual_shift = it->soft;
+        if (it->shift == 0.0) return TRY;
+    }
+    if (it->shift == 0.0) {
+        it->failures++;
+        it->untried = imin(it->failures - 1, MOST_UNTRIED);
+    }
+    return singular || it->exact ? GROW : DAMP_OR_GROW;
+}
+
+static int64_t factorize(iteration *it) {
+    const int64_t *inertia = it->kkt->inertia;
     for (;;) {
-        if (s[TASK] == TRY) {
-            invoke(calls, SHIFTED);
-            s[TASK] = INERTIA_CORRECTION_LOOK;
-            s[ENDED] = 0.0;
-            if (calls[2 * ATTEMPT] == 0) {
-                ended = REFACTOR;
-                break;
-            }
-            s[ENDED] = (double)invoke(calls, ATTEMPT);
-            if (s[ENDED] != 0.0) {
-                ended = REFACTOR;
-                break;
-            }
-        }
-        if (s[TASK] == DAMP) {
-            if (calls[2 * BEND] == 0 && s[BENDS] != 0.0) {
-                ended = INERTIA_CORRECTION_CALL_MISSING;
-                break;
-            }
-            s[TASK] = TRY;
-            damp(calls, n, count, diagonal, bend, s);
-            continue;
-        }
-        if (s[TASK] == INERTIA_CORRECTION_LOOK) {
-            s[EXCESS] = (double)(inertia[1] - m);
-            bool singular = inertia[2] > 0 || s[EXCESS] < 0.0;
-            if (!singular && s[EXCESS] == 0.0) break;
-            s[TASK] = TRY;
-            if (singular && s[DUAL_SHIFT] == 0.0 && s[EQUATIONS] != 0.0) {
-                s[DUAL_SHIFT] = s[SOFT];
-                if (s[SHIFT] == 0.0) continue;
-            }
-            if (s[SHIFT] == 0.0) {
-                s[FAILURES] += 1.0;
-                s[UNTRIED] = dmin(s[FAILURES] - 1.0, MOST_UNTRIED);
-            }
-            s[TASK] = singular || s[EXACT] != 0.0 ? GROW : DAMP_OR_GROW;
-        }
-        if (s[TASK] == DAMP_OR_GROW) {
-            if (calls[2 * BEND] == 0 && s[BENDS] != 0.0) {
-                ended = INERTIA_CORRECTION_CALL_MISSING;
-                break;
-            }
-            s[TASK] = GROW;
-            if (damp(calls, n, count, diagonal, bend, s) != 0 && s[SHIFT] > 0.0) {
-                s[TASK] = TRY;
-                continue;
-            }
-        }
-        if (s[SHIFT] == 0.0 && s[LAST_SHIFT] == 0.0)
-            s[SHIFT] = FIRST_SHIFT * usual_curvature(count, diagonal, hess, scratch);
-        else
-            s[SHIFT] = inertia_correction_larger_shift(s);
-        s[TASK] = TRY;
-        if (s[SHIFT] > LARGEST_SHIFT) {
-            ended = NO_SHIFT;
+        switch (it->task) {
+        case TRY:
+            step_shifted(it);
+            it->task = LOOK_AT;
+            it->ended = it->calls[2 * ATTEMPT] != 0 ? invoke(it->calls, ATTEMPT) : 0;
+            if (it->calls[2 * ATTEMPT] == 0 || it->ended != 0) return REFACTOR;
+            break;
+        case DAMP:
+            damp(it);
+            it->task = TRY;
+            break;
+        case LOOK_AT: {
+            int64_t excess = inertia[1] - it->form->m;
+            bool singular = inertia[2] > 0 || excess < 0;
+            if (!singular && excess == 0) return DONE;
+            it->task = next_task(it, singular);
             break;
         }
+        case DAMP_OR_GROW: it->task = damp(it) && it->shift > 0.0 ? TRY : GROW; break;
+        default:
+            if (it->shift == 0.0 && it->last_shift == 0.0)
+                it->shift = FIRST_SHIFT * usual_curvature(it);
+            else
+                it->shift = inertia_correction_larger_shift(it);
+            it->task = TRY;
+            if (it->shift > LARGEST_SHIFT) return NO_SHIFT;
+        }
     }
-    s[ENDED_BY] = (double)ended;
-    if (ended != INERTIA_CORRECTION_DONE) return ended;
+}
+
+int64_t inertia_correction_factorize(iteration *it) {
+    it->ended_by = factorize(it);
+    if (it->ended_by != DONE) return it->ended_by;
     /* Near a solution, what a solve leaves is an error of the multipliers that takes further iterations to be rid of. */
-    if (s[ERROR] > SMALL_VIOLATION) accuracy[0] = COARSE;
-    if (s[SHIFT] == 0.0) s[FAILURES] = 0.0;
-    if (s[SHIFT] > 0.0) s[LAST_SHIFT] = s[SHIFT];
-    return INERTIA_CORRECTION_DONE;
+    if (it->error > SMALL_VIOLATION) it->kkt->accuracy[0] = COARSE;
+    if (it->shift == 0.0) it->failures = 0;
+    if (it->shift > 0.0) it->last_shift = it->shift;
+    return DONE;
 }
 
 /* Damp no more where that is all that makes the iteration slow: whole steps hardly change the dual error.
  *
  * Newton's own would all but remove it.  What is left out of the Hessian is then nearly as large as what is not, and
  * the error falls by the same few per cent again and again, or goes up and down meanwhile. */
-static void notice_slowness(double length, double *restrict s) {
-    if (s[WHOLE] != 0.0 || length < SMALLEST_TAU) {
-        s[SLOW_STEPS] = 0.0;
-        s[SLOW_BEFORE] = 0.0;
+static void notice_slowness(iteration *it) {
+    if (it->whole || it->length_taken < SMALLEST_TAU) {
+        it->slow_steps = 0;
+        it->slow_before = 0.0;
         return;
     }
-    s[SLOW_BEST] = s[SLOW_STEPS] == 0.0 ? s[DUAL_ERROR] : dmin(s[SLOW_BEST], s[DUAL_ERROR]);
-    s[SLOW_STEPS] += 1.0;
-    if (s[SLOW_STEPS] >= INERTIA_CORRECTION_WATCHED) {
-        if (s[SLOW_BEFORE] > 0.0 && s[SLOW_BEST] > SLOW * s[SLOW_BEFORE]) s[BENDS] = 0.0;
-        s[SLOW_BEFORE] = s[SLOW_BEST];
-        s[SLOW_STEPS] = 0.0;
+    it->slow_best = it->slow_steps == 0 ? it->dual_error : dmin(it->slow_best, it->dual_error);
+    it->slow_steps++;
+    if (it->slow_steps >= WATCHED) {
+        if (it->slow_before > 0.0 && it->slow_best > SLOW * it->slow_before) it->bends = 0;
+        it->slow_before = it->slow_best;
+        it->slow_steps = 0;
     }
 }
 
-void inertia_correction_relax(double length, double *restrict s) {
-    notice_slowness(length, s);
-    if (length == 0.0)
-        s[STIFFNESS] = 0.0;
-    else if (s[SHIFT] > 0.0)
-        s[LAST_SHIFT] = s[SHIFT];
-    if (length >= HALF) s[STIFFNESS] = 0.0;
+void inertia_correction_relax(iteration *it) {
+    notice_slowness(it);
+    if (it->length_taken == 0.0)
+        it->stiffness = 0.0;
+    else if (it->shift > 0.0)
+        it->last_shift = it->shift;
+    if (it->length_taken >= HALF) it->stiffness = 0.0;
 }

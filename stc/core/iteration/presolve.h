@@ -4,33 +4,27 @@
 
 #include "../native.h"
 
-/* Which equation determines which variable, in an order in which they can.
+/* Equations in the order in which they were used, each of which determines one variable; entries of the Jacobian. */
+typedef API_STRUCT {
+    const int32_t *rows, *cols;                  /* of each entry, */
+    const double *jac;                           /* and its value */
+    const int32_t *column_start, *column_entry;  /* the entries by columns */
+    int64_t count;                               /* of equations used */
+    int32_t *row, *entry;                        /* of each, room for (m): its number, and its variable's coefficient */
+} determined;
+
+/* Find out which equation determines which variable.
  *
- * waiting, queue: so many equations with one unknown, first in queue (2 m,).
- * usable: 1 for linear equations, (m,).
- * left: how many unknowns each row has, (m,).
- * last: the sum of their entries' places: with one left, its place, (m,).
- * largest: magnitude of each row's largest entry, (m,).
- * starts, members: see Determined.
- * found: 1 for variables that are known, (n,).
- * order, entries, count: the result, (m,), (m,) and (1,). */
-API void presolve_find(int64_t waiting, int32_t *restrict queue, const int32_t *restrict usable,
-                       int32_t *restrict left, int64_t *restrict last, const double *restrict largest,
-                       const int32_t *restrict starts, const int32_t *restrict members,
-                       const int32_t *restrict rows, const int32_t *restrict cols, const double *restrict jac,
-                       int32_t *restrict found, int32_t *restrict order, int32_t *restrict entries,
-                       int64_t *restrict count);
+ * queue: (2 m), its first `waiting` ones equations with one unknown; usable: 1 for linear equations (m).
+ * left, last: how many unknowns each row has, and the sum of their entries' places: with one left, its place (m).
+ * largest: magnitude of each row's largest entry (m); found: 1 for variables that are known (n). */
+API void presolve_find(determined *d, int64_t waiting, int32_t *queue, const int32_t *usable, int32_t *left,
+                       int64_t *last, const double *largest, int32_t *found);
 
-/* Change x (n,) so that equations, used in this order, lose what is missing (m,). */
-API void presolve_substitute(int64_t count, const int32_t *restrict order, const int32_t *restrict cols,
-                             const int32_t *restrict entries, const int32_t *restrict starts,
-                             const int32_t *restrict members, const int32_t *restrict rows,
-                             const double *restrict jac, double *restrict missing, double *restrict x);
+/* Change x (n) so that the equations lose what is missing (m). */
+API void presolve_substitute(const determined *d, double *missing, double *x);
 
-/* Multipliers y (m,) of equations, used in this order, that leave their variables no slope. */
-API void presolve_balance(int64_t count, double weight, const int32_t *restrict order, const int32_t *restrict cols,
-                          const int32_t *restrict entries, const int32_t *restrict starts,
-                          const int32_t *restrict members, const int32_t *restrict rows, const double *restrict jac,
-                          const double *restrict gradient, double *restrict y);
+/* Multipliers y (m) of the equations that leave their variables no slope; the gradient counts so much. */
+API void presolve_balance(const determined *d, double weight, const double *gradient, double *y);
 
 #endif

@@ -1,77 +1,55 @@
-/* What is noted of every iterate and step, compiled; stc.solver.progress tells what it is for.
+/* Iterations, and what is noted of every iterate and step: which was best, whether it stalls, whether it drifts away.
  *
- * The stages of an iteration as prepared calls, and the iteration as a chain of them.
- *
- * Each stage is a compiled function that makes the calls of the workspace's table and leaves its numbers (see
- * stc.solver.state).  It returns 0, or tells what it cannot do itself: stc.solver.newton_system,
- * stc.solver.newton_system and stc.solver.interior do that, and go on from there.  So iterations
- * where all is as usual are one call together, however small the problem.
- *
- * Watches a sequence of iterates: which was best, whether it stalls, whether it drifts away. */
-#include "../native.h"
-#include "inertia_correction.h"
-#include "progress.h"
-#include "state.h"
+ * Where all is as usual, several iterations are one call, however small the problem; stc.solver.interior does the rest. */
+#include "iteration.h"
 
-/* Where the calls of an iterate and of an iteration may end. */
-enum {
-    PROGRESS_LOOK = 1,
-};
 #define PROGRESS 0.9 /* an error below this share of the smallest so far is progress */
-enum {
-    ITS_PATIENCE = 15,
-    MOST_TINY_STEPS = 2,
-};
+enum { ITS_PATIENCE = 15, MOST_TINY_STEPS = 2, MOST_SHORT_STEPS = 5 };
 #define SHORT 0.01
-enum {
-    MOST_SHORT_STEPS = 5,
-};
+#define CONTRACTION 0.1
 #define LARGEST_ERROR 1e+50
+#define FAR 10000000.0
+/* An objective below any sensible value. */
+#define LOW (-1e+20)
 
-void progress_note_objective(double *restrict s) {
-    s[OBJECTIVE_BEFORE] = s[OBJECTIVE_NOW];
-    s[OBJECTIVE_NOW] = s[OBJECTIVE];
-    s[DUAL_BEFORE] = s[DUAL_NOW];
-    s[DUAL_NOW] = s[DUAL_ERROR];
-}
-
-int64_t progress_note_iterate(int64_t size, int64_t m, int64_t gaps, const double *restrict w,
-                              const double *restrict y, const double *restrict z, double *restrict kept_w,
-                              double *restrict kept_y, double *restrict kept_z, double *restrict s) {
-    double error = s[ERROR];
-    double nearest = s[NEAREST_ERROR];
-    if (error < PROGRESS * nearest)
-        s[WAITING] = 0.0;
-    else if (nearest <= ACCEPTABLE)
-        s[WAITING] += 1.0;
-    if (error < nearest) {
-        s[NEAREST_ERROR] = error;
-        for (int64_t i = 0; i < size; i++) kept_w[i] = w[i];
-        for (int64_t r = 0; r < m; r++) kept_y[r] = y[r];
-        for (int64_t k = 0; k < gaps; k++) kept_z[k] = z[k];
+int64_t progress_measure(iteration *it) {
+    const formulation *form = it->form;
+    const iterate *now = it->now;
+    iterate *nearest = it->nearest;
+    point_measure(it, 0.0);
+    it->stated = now->f / form->objective_unit;
+    invoke(it->calls, WATCH);
+    /* Where the gradient fades as variables grow, along a valley that goes on for ever, the error falls below any
+     * tolerance while every step still lowers the objective as much as the one before: that is no convergence. */
+    double fall = it->objective_now - now->f;
+    it->falling = it->dual_error > CONTRACTION * it->dual_now && fall > ACCEPTABLE * dmax(1.0, fabs(now->f));
+    it->objective_now = now->f;
+    it->dual_now = it->dual_error;
+    if (it->error < PROGRESS * it->nearest_error)
+        it->waiting = 0;
+    else if (it->nearest_error <= ACCEPTABLE)
+        it->waiting++;
+    if (it->error < it->nearest_error) {
+        it->nearest_error = it->error;
+        point_copy(form->size, now->w, nearest->w);
+        point_copy(form->m, now->y, nearest->y);
+        point_copy(form->gaps, now->z, nearest->z);
     }
-    bool ordinary =
-        error > s[ATTENTION] && error < LARGEST_ERROR && s[FARTHEST] <= STATE_FAR && s[OBJECTIVE] >= LOW;
-    bool still = s[WAITING] >= ITS_PATIENCE || s[TINY_STEPS] >= MOST_TINY_STEPS || s[SMALL_STEPS] >= ITS_PATIENCE;
-    return ordinary && !still ? 0 : 1;
-}
-
-/* For Stall: the relative size of a step.
- *
- * tiny: it was below rounding error, and no change of the barrier explains it. */
-static void note_step(double size, int64_t tiny, double *restrict s) {
-    s[TINY_STEPS] = tiny != 0 ? s[TINY_STEPS] + 1.0 : 0.0;
-    s[SMALL_STEPS] = size <= NOTHING ? s[SMALL_STEPS] + 1.0 : 0.0;
+    it->waited = it->waiting >= ITS_PATIENCE;
+    it->stalled = it->tiny_steps >= MOST_TINY_STEPS || it->small_steps >= ITS_PATIENCE;
+    bool ordinary = it->error > it->attention && it->error < LARGEST_ERROR && it->farthest <= FAR && now->f >= LOW;
+    return !ordinary || it->waited || it->stalled;
 }
 
 /* 1 after several very short steps in a row that did not even halve the violation theta. */
-static int64_t block(double length, double theta, double *restrict s) {
-    if (length >= SHORT || theta < HALF * s[THETA_BEFORE]) {
-        s[SHORT_STEPS] = 0.0;
-        s[THETA_BEFORE] = theta;
+static int64_t block(iteration *it) {
+    double theta = it->now->theta;
+    if (it->length_taken >= SHORT || theta < HALF * it->theta_before) {
+        it->short_steps = 0;
+        it->theta_before = theta;
     }
-    s[SHORT_STEPS] += 1.0;
-    return s[SHORT_STEPS] > MOST_SHORT_STEPS && theta > SMALL_VIOLATION ? 1 : 0;
+    it->short_steps++;
+    return it->short_steps > MOST_SHORT_STEPS && theta > SMALL_VIOLATION;
 }
 
 int64_t progress_is_better(double objective, double violation, double best_objective, double best_violation,
@@ -80,48 +58,54 @@ int64_t progress_is_better(double objective, double violation, double best_objec
     return violation < best_violation ? 1 : 0;
 }
 
-void progress_record(int64_t n, int64_t m, const double *restrict w, const double *restrict y,
-                     double *restrict best_x, double *restrict best_y, double *restrict rows, double *restrict s) {
-    double *row = rows + ROW * (int64_t)s[MADE];
-    row[ROW_OBJECTIVE] = s[STATED];
-    row[ROW_VIOLATION] = s[VIOLATION];
-    row[ROW_ERROR] = s[ERROR];
-    row[ROW_STEP] = s[STEP_TAKEN];
-    row[ROW_LENGTH] = s[LENGTH_TAKEN];
-    row[ROW_MU] = s[MU];
-    row[ROW_SHIFT] = s[SHIFT];
-    s[MADE] += 1.0;
-    int64_t better =
-        progress_is_better(s[STATED], s[VIOLATION], s[BEST_OBJECTIVE], s[BEST_VIOLATION], s[FEASIBILITY]);
-    if (s[BEST_KNOWN] != 0.0 && better == 0) return;
-    s[BEST_KNOWN] = 1.0;
-    s[BEST_NEW] = 1.0;
-    s[BEST_VIOLATION] = s[VIOLATION];
-    s[BEST_OBJECTIVE] = s[STATED];
-    for (int64_t i = 0; i < n; i++) best_x[i] = w[i];
-    for (int64_t r = 0; r < m; r++) best_y[r] = y[r];
+/* Record the iterate, and keep its variables and row multipliers where it is the best so far. */
+static void note_record(iteration *it) {
+    record *records = (record *)it->records;
+    records[it->made++] = (record){it->stated,       it->violation, it->error, it->step_taken,
+                                   it->length_taken, it->mu,        it->shift};
+    if (it->best_known && !progress_is_better(it->stated, it->violation, it->best_objective, it->best_violation,
+                                              it->feasibility))
+        return;
+    it->best_known = 1;
+    it->best_new = 1;
+    it->best_violation = it->violation;
+    it->best_objective = it->stated;
+    point_copy(it->form->n, it->now->w, it->best_x);
+    point_copy(it->form->m, it->now->y, it->best_y);
 }
 
-int64_t progress_settle(double *restrict s) {
-    double length = s[LENGTH_TAKEN];
-    inertia_correction_relax(length, s);
-    s[STUCK] = s[TINY] != 0.0 || length == 0.0 ? 1.0 : 0.0;
-    s[STEP_TAKEN] = 0.0;
-    if (length == 0.0) return 0;
-    s[STEP_TAKEN] = s[STEP];
-    note_step(s[STEP], s[TINY] != 0.0 && s[CHANGED] == 0.0 ? 1 : 0, s);
-    return block(length, s[THETA], s);
+int64_t progress_settle(iteration *it) {
+    inertia_correction_relax(it);
+    it->stuck = it->tiny || it->length_taken == 0.0;
+    if (it->length_taken == 0.0) {
+        it->step_taken = 0.0;
+        return 0;
+    }
+    it->tiny_steps = it->tiny && !it->changed ? it->tiny_steps + 1 : 0; /* no change of the barrier explains it */
+    it->small_steps = it->step_taken <= NOTHING ? it->small_steps + 1 : 0;
+    return block(it);
 }
 
-int64_t progress_repeat(const int64_t *calls, int64_t n, int64_t m, const double *w, const double *y,
-                        double *best_x, double *best_y, double *rows, double *s) {
-    s[MADE] = 0.0;
+int64_t progress_advance(iteration *it) {
+    if (barrier_update_find_step(it) != 0) return STEP_FOUND;
+    if (line_search_search(it) != TAKEN) return SEARCH;
+    return progress_settle(it) != 0 ? BLOCKED : 0;
+}
+
+int64_t progress_iterate(iteration *it) {
+    barrier_update_update(it);
+    inertia_correction_begin(it);
+    return inertia_correction_factorize(it) != DONE ? FACTORIZATION : progress_advance(it);
+}
+
+int64_t progress_repeat(iteration *it) {
+    it->made = 0;
     for (;;) {
-        int64_t look = invoke(calls, MEASURED);
-        if (calls[RAISED] != 0) return PROGRESS_LOOK;
-        progress_record(n, m, w, y, best_x, best_y, rows, s);
-        if (look != 0 || s[MADE] > s[MOST]) return PROGRESS_LOOK;
-        int64_t ended = invoke(calls, ITERATION);
-        if (ended != 0 || calls[RAISED] != 0 || s[MADE] == s[MOST]) return ended;
+        int64_t look = progress_measure(it);
+        if (it->calls[RAISED] != 0) return LOOK;
+        note_record(it);
+        if (look || it->made > it->most) return LOOK;
+        int64_t ended = progress_iterate(it);
+        if (ended != 0 || it->calls[RAISED] != 0 || it->made == it->most) return ended;
     }
 }

@@ -1,4 +1,4 @@
-/* The matrix in elimination order: where each unknown and each given entry goes.
+/* Which stages a horizon has.
  *
  * Other stages than frames, for many bodies of which each couples with few others, or with none.
  *
@@ -17,7 +17,7 @@
  *     variables    u0   x1 u1   x2 u2   ...        x0 is given; x has two components, u one
  *     equations      x1 = f   x2 = f               one of the first two waits for x1
  *
- * A chain takes all unknowns of a stage out of the window before it comes to the next one (see
+ * A chain eliminates all unknowns of a stage before it comes to the next one (see
  * chain_elimination.h).  A motion that starts from a given state has more equations between its first two
  * states than it has controls there, so that some pivot would be zero in any order.  Which ones are too many is a matter
  * of the pattern: those that are left over where each is given a variable of its own (a maximum matching, by augmenting
@@ -35,19 +35,7 @@
  *
  * Segments are sewn together by unknowns of their own (see stc.solver.kkt.seams), so that each of them couples with the
  * seams alone, or with a stage left out, and with unknowns of the last stage group (parameters) and others that couple
- * with many stages, the border.  What is left out, the rest, is a chain again, of few stages.
- *
- * When each unknown enters the window of the elimination, when it leaves, and where it stands meanwhile.
- *
- *     stage          0      1      2      3   ...
- *     x(0), y(0)   enters
- *                  leaves
- *     x(1)         enters leaves                  coupled with frame 0 through a row of stage 0
- *     parameter    enters   .      .      .   ... leaves last: a border
- *
- * An unknown enters at the first stage at which any of its neighbours is eliminated and leaves at its own.  What is
- * in the window at one time decides the cost, so unknowns whose neighbours are spread over many later stages are
- * moved to the last of these, and stages themselves are renumbered when some other order has a smaller window. */
+ * with many stages, the border.  What is left out, the rest, is a chain again, of few stages. */
 #include "../native.h"
 #include "arranging.h"
 
@@ -89,131 +77,6 @@ void arranging_counting_sort(int64_t size, const int32_t *restrict keys, int64_t
         pointers[k] = pointers[k - 1];
     }
     pointers[0] = 0;
-}
-
-void arranging_entry_stages(int64_t stages, const int32_t *restrict stage_pointers,
-                            const int32_t *restrict pointers, const int32_t *restrict columns,
-                            int32_t *restrict entry) {
-    for (int64_t stage = 0; stage < stages; stage++)
-        for (int64_t k = stage_pointers[stage], end_k = stage_pointers[stage + 1]; k < end_k; k++)
-            entry[k] = (int32_t)stage;
-    for (int64_t stage = 0; stage < stages; stage++) {
-        for (int64_t e = pointers[stage_pointers[stage]], end_e = pointers[stage_pointers[stage + 1]]; e < end_e;
-             e++) {
-            entry[columns[e]] = (int32_t)imin(entry[columns[e]], stage);
-        }
-    }
-}
-
-void arranging_window_targets(int64_t size, const int32_t *restrict pointers, const int32_t *restrict columns,
-                              const int32_t *restrict slot, int64_t stride, int32_t *restrict targets) {
-    for (int64_t k = 0; k < size; k++) {
-        int64_t own = slot[k];
-        targets[k] = (int32_t)(own * (stride + 1));
-        for (int64_t e = pointers[k], end_e = pointers[k + 1]; e < end_e; e++) {
-            int64_t other = slot[columns[e]];
-            targets[size + e] = (int32_t)(imax(own, other) * stride + imin(own, other));
-        }
-    }
-}
-
-void arranging_tops_without_leaves(int64_t stages, const int32_t *restrict stage_pointers,
-                                   const int32_t *restrict enter_pointers, const int32_t *restrict entering,
-                                   const int32_t *restrict group, const int32_t *restrict slot,
-                                   int32_t *restrict tops) {
-    for (int64_t stage = 0; stage < stages; stage++) tops[stage] = 0;
-    for (int64_t stage = 0; stage < stages; stage++) {
-        for (int64_t place = enter_pointers[stage], end_place = enter_pointers[stage + 1]; place < end_place;
-             place++) {
-            int64_t k = entering[place];
-            int64_t now = stage;
-            while (group[k] >= 0 && now < stages && stage_pointers[now] <= k) {
-                tops[now] = (int32_t)imax(tops[now], slot[k] + 1);
-                now++;
-            }
-        }
-    }
-}
-
-void arranging_join(int64_t count, const int32_t *restrict first, const int32_t *restrict second,
-                    int32_t *restrict part) {
-    for (int64_t e = 0; e < count; e++) {
-        int64_t a = first[e];
-        int64_t b = second[e];
-        while (part[a] != a) {
-            part[a] = part[part[a]];
-            a = part[a];
-        }
-        while (part[b] != b) {
-            part[b] = part[part[b]];
-            b = part[b];
-        }
-        if (a < b)
-            part[b] = (int32_t)a;
-        else
-            part[a] = (int32_t)b;
-    }
-}
-
-void arranging_flatten(int64_t size, int32_t *restrict part) {
-    for (int64_t k = 0; k < size; k++) part[k] = part[part[k]];
-}
-
-void arranging_levels(int64_t count, const int32_t *restrict pointers, const int32_t *restrict target,
-                      int32_t *restrict level, int32_t *restrict queue) {
-    for (int64_t k = 0; k < count; k++) level[k] = -1;
-    int64_t base = 0;
-    int64_t done = 0;
-    for (int64_t start = 0; start < count; start++) {
-        if (level[start] >= 0) continue;
-        int64_t root = start;
-        for (int64_t attempt = 0; attempt < 2; attempt++) {
-            int64_t head = done;
-            int64_t tail = done;
-            queue[tail] = (int32_t)root;
-            tail++;
-            level[root] = (int32_t)base;
-            while (head < tail) {
-                int64_t k = queue[head];
-                head++;
-                for (int64_t e = pointers[k], end_e = pointers[k + 1]; e < end_e; e++) {
-                    int64_t other = target[e];
-                    if (level[other] < 0) {
-                        level[other] = level[k] + 1;
-                        queue[tail] = (int32_t)other;
-                        tail++;
-                    }
-                }
-            }
-            if (attempt == 0) {
-                root = queue[tail - 1];
-                for (int64_t k = done; k < tail; k++) level[queue[k]] = -1;
-            } else {
-                base = level[queue[tail - 1]] + 1;
-                done = tail;
-            }
-        }
-    }
-}
-
-void arranging_assign_slots(int64_t stages, const int32_t *restrict enter_pointers,
-                            const int32_t *restrict entering, const int32_t *restrict leave_pointers,
-                            const int32_t *restrict leaving, int32_t *restrict slot, int32_t *restrict top,
-                            int32_t *restrict used) {
-    int64_t highest = 0;
-    for (int64_t s = 0; s < stages; s++) {
-        int64_t free = 0;
-        for (int64_t k = enter_pointers[s], end_k = enter_pointers[s + 1]; k < end_k; k++) {
-            while (used[free] != 0) free++;
-            used[free] = 1;
-            slot[entering[k]] = (int32_t)free;
-            highest = imax(highest, free + 1);
-        }
-        while (highest > 0 && used[imax(highest - 1, 0)] == 0) highest--;
-        top[s] = (int32_t)highest;
-        for (int64_t k = leave_pointers[s], end_k = leave_pointers[s + 1]; k < end_k; k++)
-            used[slot[leaving[k]]] = 0;
-    }
 }
 
 void arranging_flag_border(int64_t count, const int32_t *restrict first, const int32_t *restrict second,

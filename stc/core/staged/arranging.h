@@ -1,41 +1,12 @@
-/* The matrix in elimination order: where each unknown and each given entry goes. */
+/* Which stages a horizon has: frames or others, equations that wait, and runs of stages that are alike. */
 #ifndef STC_ARRANGING_H
 #define STC_ARRANGING_H
 
 #include "../native.h"
 
+/* Stable order of keys below count, and where the run of each begins, (count + 1,), zeros at first. */
 API void arranging_counting_sort(int64_t size, const int32_t *restrict keys, int64_t count,
                                  int32_t *restrict pointers, int32_t *restrict order);
-
-API void arranging_entry_stages(int64_t stages, const int32_t *restrict stage_pointers,
-                                const int32_t *restrict pointers, const int32_t *restrict columns,
-                                int32_t *restrict entry);
-
-/* Where the N diagonal entries and those above it go in the window, (N + E,). */
-API void arranging_window_targets(int64_t size, const int32_t *restrict pointers, const int32_t *restrict columns,
-                                  const int32_t *restrict slot, int64_t stride, int32_t *restrict targets);
-
-/* Slots in use at each stage, (stages,), those aside of positions whose group is negative. */
-API void arranging_tops_without_leaves(int64_t stages, const int32_t *restrict stage_pointers,
-                                       const int32_t *restrict enter_pointers, const int32_t *restrict entering,
-                                       const int32_t *restrict group, const int32_t *restrict slot,
-                                       int32_t *restrict tops);
-
-/* Unite the parts of each pair; a part is known by its smallest member. */
-API void arranging_join(int64_t count, const int32_t *restrict first, const int32_t *restrict second,
-                        int32_t *restrict part);
-
-API void arranging_flatten(int64_t size, int32_t *restrict part);
-
-/* Breadth-first levels; each component starts from a node at the far end of a first search, after the last. */
-API void arranging_levels(int64_t count, const int32_t *restrict pointers, const int32_t *restrict target,
-                          int32_t *restrict level, int32_t *restrict queue);
-
-/* Give each unknown the lowest free slot when it enters, and free it after its stage. */
-API void arranging_assign_slots(int64_t stages, const int32_t *restrict enter_pointers,
-                                const int32_t *restrict entering, const int32_t *restrict leave_pointers,
-                                const int32_t *restrict leaving, int32_t *restrict slot, int32_t *restrict top,
-                                int32_t *restrict used);
 
 /* Mark, of each two unknowns that are more than a stage apart, the one with more such couplings.
  *

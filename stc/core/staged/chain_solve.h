@@ -32,14 +32,14 @@ API void chain_solve_backward_run(int64_t apart, int64_t begin, int64_t end, int
                                   double *restrict other_solution, double *restrict other_change,
                                   double *restrict other_aside, double *restrict other_left);
 
-/* Solve K x = rhs, refined as in substitution.solve.
+/* Solve K x = rhs, refined.
  *
  * both: whether to do the same for other_rhs, in common passes; report then tells of the less accurate.
  * calls, place: where the calls of the runs of stages are among the prepared ones: FORWARD and so on from
  *     place on; runs: see chain_elimination.eliminate; tail: where the unknowns of the last run begin.
  * progress: tells the runs what to do; aside, left: a vector each of the second part's own.
  * stages ... scale: see chain_elimination.eliminate_run; size: N.
- * rhs, result: (N,); report: see substitution.REPORT; the other arrays are work space. */
+ * rhs, result: (N,); report: see kkt_arrays; the other arrays are work space. */
 API void chain_solve_solve(int64_t both, int64_t refinements, const double *accuracy, const int64_t *calls,
                            int64_t place, int64_t runs, int64_t tail, int64_t *progress, int64_t stages,
                            const int64_t *table, const int32_t *code, const int32_t *index, int64_t size,

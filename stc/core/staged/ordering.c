@@ -21,12 +21,6 @@ enum {
 };
 /* The thresholds that pivots are planned for are multiples of this. */
 #define ORDERING_MARGIN 0.01
-/* Leaves have no more entries than this in their columns, and diagonals of at least this share of the largest: they
- * leave no choice later. */
-enum {
-    LEAF = 4,
-};
-#define STRONG 0.3
 #define ORDERING_LARGEST 1e+30
 /* Entries below this are no pivots at all. */
 #define NEGLIGIBLE 1e-09
@@ -345,48 +339,6 @@ static int64_t drop(int64_t p, int64_t q, int64_t top, double *restrict sizes, i
         }
     }
     return used;
-}
-
-void ordering_follow_order(int64_t top, int64_t count, const int32_t *restrict order, const int32_t *restrict kinds,
-                           double *restrict sizes, int32_t *restrict degree, double *restrict most,
-                           int32_t *restrict row_p, int32_t *restrict row_q, int32_t *restrict lists) {
-    for (int64_t k = 0; k < count; k++) {
-        if (kinds[k] != ORDERING_SECOND) {
-            int64_t p = order[k];
-            int64_t q = -1;
-            if (kinds[k] == 2) q = order[k + 1];
-            measure(p, top, sizes, degree, most);
-            fill_pivot(p, q, ORDERING_MARGIN, top, sizes, most, row_p, row_q);
-            drop(p, q, top, sizes, 0, lists);
-        }
-    }
-}
-
-int64_t ordering_take_leaves(int64_t top, int64_t count, int32_t *restrict waiting, int32_t *restrict fresh,
-                             double *restrict sizes, int32_t *restrict degree, double *restrict most,
-                             int32_t *restrict row_p, int32_t *restrict row_q) {
-    int64_t leaves = 0;
-    for (int64_t k = 0; k < top; k++) measure(k, top, sizes, degree, most);
-    for (int64_t k = 0; k < count; k++) {
-        int64_t p = waiting[k];
-        double own = fabs(sizes[p * top + p]);
-        if (fresh[p] != 0 && degree[p] <= LEAF && own > NEGLIGIBLE && own >= STRONG * most[p]) {
-            fresh[p] = 0;
-            for (int64_t e = 0, end_e = column(p, -1, top, sizes, row_p); e < end_e; e++) fresh[row_p[e]] = 0;
-            waiting[k] = waiting[leaves];
-            waiting[leaves] = (int32_t)p;
-            leaves++;
-        }
-    }
-    for (int64_t k = 0; k < leaves; k++) {
-        int64_t p = waiting[k];
-        fill_pivot(p, -1, ORDERING_MARGIN, top, sizes, most, row_p, row_q);
-        for (int64_t e = 0; e < top; e++) {
-            sizes[p * top + e] = 0.0;
-            sizes[e * top + p] = 0.0;
-        }
-    }
-    return leaves;
 }
 
 int64_t ordering_order_stage(int64_t top, int64_t count, int32_t *restrict waiting, double margin, double compared,

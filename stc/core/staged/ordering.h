@@ -11,23 +11,6 @@ enum {
 /* Sizes stay between these, so that what is there never vanishes. */
 #define SMALLEST 1e-30
 
-/* Eliminate slots in a known order; arguments as in order_stage, lists is work space, (top,). */
-API void ordering_follow_order(int64_t top, int64_t count, const int32_t *restrict order,
-                               const int32_t *restrict kinds, double *restrict sizes, int32_t *restrict degree,
-                               double *restrict most, int32_t *restrict row_p, int32_t *restrict row_q,
-                               int32_t *restrict lists);
-
-/* Eliminate slots with few entries and a strong diagonal, no two of them coupled, before all others.
- *
- * top, count, waiting, sizes: those of order_stage; leaves come first in waiting afterwards.
- * fresh: slots that enter the window at this stage, (top,), so that their columns are still as in the
- *     matrix; those of the leaves and their neighbours are cleared.
- * Returns:
- *     The number of leaves. */
-API int64_t ordering_take_leaves(int64_t top, int64_t count, int32_t *restrict waiting, int32_t *restrict fresh,
-                                 double *restrict sizes, int32_t *restrict degree, double *restrict most,
-                                 int32_t *restrict row_p, int32_t *restrict row_q);
-
 /* Eliminate the slots waiting (count,) from the sizes (top * top,), in place.
  *
  * top: how many slots are in use.

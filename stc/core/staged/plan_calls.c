@@ -11,27 +11,12 @@
  * plan_calls.h chooses. */
 #include "../native.h"
 #include "lane_state.h"
-#include "pivots.h"
 #include "plan_calls.h"
 #include "segmented_passes.h"
 
 /* In the tally of a system: attempts that succeeded since it was last looked at. */
 enum {
     PLAN_CALLS_MADE = 0,
-};
-/* A matrix costs more than its plan by its further entries, by this share of all for stages that strayed, ... */
-#define STRAYING 0.5
-/* ... and by so many entries for a rejected pivot. */
-enum {
-    REJECTION = 25,
-};
-/* In the account of a system: what matrices have cost beyond the plan, what they may, entries and stages of the plan,
- * the latter counted several times where straying costs little. */
-enum {
-    WASTED = 0,
-    ALLOWANCE = 1,
-    PLAN_CALLS_ENTRIES = 2,
-    STAGES = 3,
 };
 /* In the tally of a system, behind the attempts that succeeded: how many more there may be, -1 where another plan is
  * due; the plan of the factors, and that for the next matrix; another one to try when no more are allowed, or -1; how
@@ -70,34 +55,8 @@ enum {
 /* ... unless both are below this one: factors of many bodies are always suspect and hardly ever inaccurate. */
 #define BY_FAR 0.0001
 
-void plan_calls_note_waste(const int64_t *restrict counts, double *restrict account) {
-    if (counts[STRAYED] > 0 || counts[REJECTED] > 0 || counts[PIVOTS_FACTORS] > account[PLAN_CALLS_ENTRIES]) {
-        double strayed = (double)counts[STRAYED] / dmax(account[STAGES], 1.0);
-        account[WASTED] += dmax(counts[PIVOTS_FACTORS] - account[PLAN_CALLS_ENTRIES], 0.0) +
-                           STRAYING * strayed * counts[PIVOTS_FACTORS];
-        account[WASTED] += REJECTION * counts[REJECTED];
-    }
-}
-
-int64_t plan_calls_has_served(const double *restrict account) {
-    return account[WASTED] >= account[ALLOWANCE] ? 1 : 0;
-}
-
-int64_t plan_calls_end_attempt(const int64_t *restrict counts, double *restrict account, double fine,
-                               int64_t *restrict inertia, double *restrict accuracy, int64_t *restrict tally) {
-    if (counts[ZERO] > 0) return 1;
-    plan_calls_note_waste(counts, account);
-    inertia[0] = counts[POSITIVE];
-    inertia[1] = counts[PIVOTS_NEGATIVE];
-    inertia[2] = 0;
-    accuracy[0] = fine;
-    tally[PLAN_CALLS_MADE]++;
-    return 0;
-}
-
-int64_t plan_calls_begin(int64_t curved, const int64_t *curvatures, const double *account, const int64_t *calls,
-                         int64_t *tally) {
-    if (plan_calls_has_served(account) != 0 || (curvatures[0] != 0) != (curved != 0)) return 1;
+int64_t plan_calls_begin(int64_t curved, const int64_t *curvatures, const int64_t *calls, int64_t *tally) {
+    if ((curvatures[0] != 0) != (curved != 0)) return 1;
     if (tally[ALLOWED] <= 0 && tally[OTHER] < 0) return 1;
     tally[ALLOWED]--;
     if (tally[FRESH] != 0) {
@@ -149,16 +108,14 @@ int64_t plan_calls_is_accurate(const int64_t *calls, int64_t plan, const double 
     return report[0] < INACCURATE && report[2] < SINGULAR ? 1 : 0;
 }
 
-int64_t plan_calls_end_of_plan(const int64_t *calls, int64_t plan, const int64_t *counts, double *account,
-                               int64_t eliminated, int64_t added, double *state, const double *report, double fine,
-                               int64_t *inertia, double *accuracy, int64_t *tally) {
-    if (counts[ZERO] > 0) return 1;
+int64_t plan_calls_end_of_plan(const int64_t *calls, int64_t plan, const int64_t *rest, int64_t eliminated,
+                               int64_t added, double *state, const double *report, double fine, int64_t *inertia,
+                               double *accuracy, int64_t *tally) {
     if (!(state[LANE_STATE_LARGEST] <= state[TRUSTED]) && plan_calls_is_accurate(calls, plan, report, state) == 0)
         return 1;
-    plan_calls_note_waste(counts, account);
     int64_t negative = (int64_t)state[COUNTED];
-    inertia[0] = eliminated - negative + counts[POSITIVE] - added;
-    inertia[1] = negative + counts[PIVOTS_NEGATIVE] - added;
+    inertia[0] = eliminated - negative + rest[0] - added;
+    inertia[1] = negative + rest[1] - added;
     inertia[2] = 0;
     accuracy[0] = fine;
     tally[PLAN_CALLS_MADE]++;

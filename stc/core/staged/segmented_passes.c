@@ -173,19 +173,18 @@ static void begin_forward(int64_t outer, int64_t rest, const double *restrict x,
     for (int64_t k = outer; k < outer + rest; k++) between[k] = x[k];
 }
 
-/* The rest's right-hand side, what the parts but the first have left added, in the order of its pivots. */
-static void collect(int64_t parts, int64_t outer, int64_t rest, const int32_t *restrict order,
-                    const double *restrict scale, const double *restrict left, double *restrict between,
-                    double *restrict rest_x) {
+/* The rest's right-hand side, what the parts but the first have left added. */
+static void collect(int64_t parts, int64_t outer, int64_t rest, const double *restrict left,
+                    double *restrict between, double *restrict rest_rhs) {
     for (int64_t part = 1; part < parts; part++)
         values_add_to(rest, left + (part - 1) * (outer + rest) + outer, between + outer);
-    for (int64_t k = 0; k < rest; k++) rest_x[k] = between[outer + order[k]] * scale[k];
+    for (int64_t k = 0; k < rest; k++) rest_rhs[k] = between[outer + k];
 }
 
 /* The rest's solution; where that is what is to be added, so it is. */
-static void return_(int64_t outer, int64_t rest, const int32_t *restrict order, const double *restrict scale,
-                    const double *restrict rest_x, int64_t added, double *restrict y, double *restrict solution) {
-    for (int64_t k = 0; k < rest; k++) y[outer + order[k]] = rest_x[k] * scale[k];
+static void return_(int64_t outer, int64_t rest, const double *restrict rest_solution, int64_t added,
+                    double *restrict y, double *restrict solution) {
+    for (int64_t k = 0; k < rest; k++) y[outer + k] = rest_solution[k];
     if (added != 0) values_add_to(rest, y + outer, solution + outer);
 }
 
@@ -207,15 +206,13 @@ void segmented_passes_solve_all(int64_t both, int64_t refinements, const double 
                                 int64_t place, int64_t parts, int64_t *progress, const double *norms, double *high,
                                 const double *left, const double *other_left, const int32_t *index, int64_t outer,
                                 int64_t rest, int64_t entries, const int32_t *first, const int32_t *second,
-                                const double *rest_matrix, const double *scale, const int32_t *rest_order,
-                                const double *rest_scale, const int64_t *pivot_count, const int32_t *columns,
-                                const double *rest_values, const int32_t *pivots, const int32_t *starts,
-                                const int32_t *indices, double *rest_factors, const double *inverse, double *rest_x,
-                                double *rest_part, double *other_rest_x, double *other_rest_part, const double *rhs,
-                                double *scaled_rhs, double *solution, double *change, double *between, double *kept,
-                                double *result, const double *other_rhs, double *other_scaled_rhs,
-                                double *other_solution, double *other_change, double *other_between,
-                                double *other_kept, double *other_result, double *report, double *other_report) {
+                                const double *rest_matrix, const double *scale, int64_t rest_place, double *rest_rhs,
+                                const double *rest_solution, double *other_rest_rhs,
+                                const double *other_rest_solution, const double *rhs, double *scaled_rhs,
+                                double *solution, double *change, double *between, double *kept, double *result,
+                                const double *other_rhs, double *other_scaled_rhs, double *other_solution,
+                                double *other_change, double *other_between, double *other_kept,
+                                double *other_result, double *report, double *other_report) {
     int64_t size = outer + rest;
     double length = values_bring_scaled(rest, index + outer, scale + outer, rhs, scaled_rhs + outer);
     double other_length = 0.0;
@@ -252,18 +249,16 @@ void segmented_passes_solve_all(int64_t both, int64_t refinements, const double 
             report[2] = 0.0;
             other_report[0] = 1.0 * progress[OTHER_ACTIVE];
         }
-        collect(parts, outer, rest, rest_order, rest_scale, left, between, rest_x);
-        if (both != 0) collect(parts, outer, rest, rest_order, rest_scale, other_left, other_between, other_rest_x);
-        substitution_substitute(both, pivot_count[0], columns, rest_values + rest, pivots, starts, indices,
-                                rest_factors, inverse, rest_x, other_rest_x, rest_part, other_rest_part);
+        collect(parts, outer, rest, left, between, rest_rhs);
+        if (both != 0) collect(parts, outer, rest, other_left, other_between, other_rest_rhs);
+        invoke(calls, rest_place + both);
         int64_t active = progress[ACTIVE];
         int64_t other_active = progress[OTHER_ACTIVE];
         int64_t refining = steps > 0 ? 1 : 0;
-        return_(outer, rest, rest_order, rest_scale, rest_x, refining * active, target, solution);
+        return_(outer, rest, rest_solution, refining * active, target, solution);
         subtract_rest(outer, rest, entries, first, second, rest_matrix, solution, scaled_rhs, change);
         if (both != 0) {
-            return_(outer, rest, rest_order, rest_scale, other_rest_x, refining * other_active, other_target,
-                    other_solution);
+            return_(outer, rest, other_rest_solution, refining * other_active, other_target, other_solution);
             subtract_rest(outer, rest, entries, first, second, rest_matrix, other_solution, other_scaled_rhs,
                           other_change);
         }

@@ -52,25 +52,25 @@ API int64_t segmented_passes_eliminate_all(const int64_t *calls, int64_t place, 
                                            const int32_t *second, const int32_t *source, int64_t variables,
                                            int64_t filled, double *rest_matrix);
 
-/* Solve K x = rhs: the segments' part, the rest's, the segments' again; refined as in substitution.solve.
+/* Solve K x = rhs: the segments' part, the rest's, the segments' again; refined.
  *
  * both: whether to do the same for other_rhs, in common passes; report then tells of the less accurate.
  * calls, place: where the calls of the parts are among the prepared ones: FORWARD and so on from place on.
  * parts: how many there are; progress tells them how far this is; norms: NORMS of each; left: what the
  *     parts but the first leave to the rest, a vector of each; high: work space.
  * rest_matrix: what eliminate_all has kept of the rest.
- * rest_order ... inverse: the rest, see FrontalKKT.factors_in_order.
- * rhs, result: (N,); report: see substitution.REPORT; the other arrays are work space. */
-API void segmented_passes_solve_all(
-    int64_t both, int64_t refinements, const double *accuracy, const int64_t *calls, int64_t place, int64_t parts,
-    int64_t *progress, const double *norms, double *high, const double *left, const double *other_left,
-    const int32_t *index, int64_t outer, int64_t rest, int64_t entries, const int32_t *first, const int32_t *second,
-    const double *rest_matrix, const double *scale, const int32_t *rest_order, const double *rest_scale,
-    const int64_t *pivot_count, const int32_t *columns, const double *rest_values, const int32_t *pivots,
-    const int32_t *starts, const int32_t *indices, double *rest_factors, const double *inverse, double *rest_x,
-    double *rest_part, double *other_rest_x, double *other_rest_part, const double *rhs, double *scaled_rhs,
-    double *solution, double *change, double *between, double *kept, double *result, const double *other_rhs,
-    double *other_scaled_rhs, double *other_solution, double *other_change, double *other_between,
-    double *other_kept, double *other_result, double *report, double *other_report);
+ * rest_place: the rest's solves among the prepared calls, of one right-hand side and of both; rest_rhs ...: their arrays.
+ * rhs, result: (N,); report: see kkt_arrays; the other arrays are work space. */
+API void segmented_passes_solve_all(int64_t both, int64_t refinements, const double *accuracy, const int64_t *calls,
+                                    int64_t place, int64_t parts, int64_t *progress, const double *norms, double *high,
+                                    const double *left, const double *other_left, const int32_t *index, int64_t outer,
+                                    int64_t rest, int64_t entries, const int32_t *first, const int32_t *second,
+                                    const double *rest_matrix, const double *scale, int64_t rest_place, double *rest_rhs,
+                                    const double *rest_solution, double *other_rest_rhs,
+                                    const double *other_rest_solution, const double *rhs, double *scaled_rhs,
+                                    double *solution, double *change, double *between, double *kept, double *result,
+                                    const double *other_rhs, double *other_scaled_rhs, double *other_solution,
+                                    double *other_change, double *other_between, double *other_kept,
+                                    double *other_result, double *report, double *other_report);
 
 #endif

@@ -1,4 +1,4 @@
-/* Solving with the factors of elimination.h, and refining against the matrix itself. */
+/* Refining a solution against the matrix itself. */
 #ifndef STC_SUBSTITUTION_H
 #define STC_SUBSTITUTION_H
 
@@ -6,35 +6,6 @@
 
 /* Residuals are relative to the right-hand side plus the solution, or this much of the right-hand side. */
 #define LARGEST_GAIN 1000000.0
-
-/* Overwrite x with the solution of L D L^T x = x; upper are the entries at columns.
- *
- * The same for other_x, in one pass over the factors, when both is not 0. Pivots of a panel share their rows:
- * where these are many, what belongs to them is copied to part and back once. There is room for a vector more in
- * factors and the parts. */
-void substitution_substitute(int64_t both, int64_t count, const int32_t *restrict columns,
-                             const double *restrict upper, const int32_t *restrict pivots,
-                             const int32_t *restrict starts, const int32_t *restrict indices,
-                             double *restrict factors, const double *restrict inverse, double *restrict x,
-                             double *restrict other_x, double *restrict part, double *restrict other_part);
-
-/* Solve K x = rhs with the factors of S K S; rhs and result (N,) in the unknowns' own order.
- *
- * The same for other_rhs, in common passes over the factors, when both is not 0: report then tells of the
- * one that is less accurate. Refinement stops at the relative residual accuracy[0], when it no longer falls by
- * half, or after refinements steps; the best solution is kept. */
-API void substitution_solve(int64_t both, int64_t size, int64_t refinements, const double *restrict accuracy,
-                            const int32_t *restrict pointers, const int32_t *restrict columns,
-                            const double *restrict values, const double *restrict scale,
-                            const int32_t *restrict order, const int64_t *restrict pivot_count,
-                            const int32_t *restrict pivots, const int32_t *restrict starts,
-                            const int32_t *restrict indices, double *restrict factors,
-                            const double *restrict inverse, const double *restrict rhs, double *restrict scaled_rhs,
-                            double *restrict solution, double *restrict change, double *restrict result,
-                            double *restrict part, const double *restrict other_rhs,
-                            double *restrict other_scaled_rhs, double *restrict other_solution,
-                            double *restrict other_change, double *restrict other_result,
-                            double *restrict other_part, double *restrict report, double *restrict other_report);
 
 /* Whether to refine a solution once more, after it was changed; it is changed back where that made it worse.
  *

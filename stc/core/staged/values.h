@@ -1,41 +1,14 @@
-/* Entries of K in elimination order: loading, equilibration, products. */
+/* Scales, and vectors in the order of an elimination. */
 #ifndef STC_VALUES_H
 #define STC_VALUES_H
 
 #include "../native.h"
-
-/* Put the values of H, J, p and d at their places; returns 0, or 1 when a value is not finite. */
-API int64_t values_load(int64_t n, int64_t m, int64_t hess_count, int64_t jac_count, const double *restrict hess,
-                        const double *restrict jac, const double *restrict primal, const double *restrict dual,
-                        const int32_t *restrict position, const int32_t *restrict hess_target,
-                        const int32_t *restrict jac_target, double *restrict values);
-
-/* How many of some values differ from zero. */
-API int64_t values_count_nonzero(int64_t count, const int32_t *restrict places, const double *restrict values);
-
-/* Make cells[at] tell whether all of some values are zero, as a plan takes them to be. */
-API void values_choose_plan(int64_t count, const int32_t *restrict places, const double *restrict values,
-                            int64_t at, int64_t *restrict cells);
 
 /* Improve the scale by the largest entries of the rows; 0 when it is good, or is now.
  *
  * The largest entry m_i of row i is in no row j with a smaller m_j, so that one step leaves m_i / sqrt(m_i m_j)
  * of it at least: the largest ones are then between the root of min m / max m and 1. */
 API int64_t values_find_scale(int64_t size, const double *restrict most, double *restrict scale);
-
-/* Scale rows and columns alike until the largest entries of all rows are near 1 (Ruiz 2001).
- *
- * scale comes in as the diagonal of S for a matrix before, or ones; it is kept when it serves this matrix
- * too, the largest entries being within the factor stale of 1, and otherwise found from ones (starting from
- * what served another matrix would let rows and columns drift apart).  values becomes S K S. */
-API void values_equilibrate(int64_t size, int64_t sweeps, double stale, const int32_t *restrict pointers,
-                            const int32_t *restrict columns, double *restrict values, double *restrict scale,
-                            double *restrict most);
-
-/* remainder = rhs - K solution; returns its largest magnitude, nan when not finite. */
-API double values_residual(int64_t size, const int32_t *restrict pointers, const int32_t *restrict columns,
-                           const double *restrict values, const double *restrict rhs,
-                           const double *restrict solution, double *restrict remainder_);
 
 /* Bring a right-hand side to the order of a vector, scaled; its largest magnitude then. */
 ALWAYS_INLINE double values_bring_scaled(int64_t size, const int32_t *restrict index, const double *restrict scale,

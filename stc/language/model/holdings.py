@@ -131,7 +131,7 @@ class Equalities:
         ]
 
     def holdings(self) -> Iterator[Holding]:
-        """Each over the whole motion."""
+        """The model's equality constraints as holdings, each over all frames of the motion."""
         span = self.context.span(self.scope.statement)
         for name, one in self.found:
             rates = [self.context.builder.derivative(place, 1) for place in one.places]

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from stc.arrays import aligned_zeros
 from stc.codegen.threads import parallel, record
 from stc.core.calls import Bound, CallTable
-from stc.solver.kkt import attempts, chain_elimination, pivots, plan_calls
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt import chain_elimination, plan_calls
 from stc.solver.kkt.chain_elimination import eliminate, eliminate_run
 from stc.solver.kkt.chain_plan import WAYS, Chain, ChainProgram, lay_out_chain, plan_chain
 from stc.solver.kkt.chain_rows import VECTORS
@@ -33,14 +32,22 @@ from stc.solver.kkt.chain_solve import (
     solve,
 )
 from stc.solver.kkt.chain_substitution import ONE, UNITS
-from stc.solver.kkt.contract import Inertia
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.folding import fold
-from stc.solver.kkt.frontal import SWEEPS
 from stc.solver.kkt.lane_program import effort_of
 from stc.solver.kkt.lane_state import STATE
 from stc.solver.kkt.plan_choice import Plans, Prepared
-from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, WHOLE, PlannedKKT, new_state, reading_distance
+from stc.solver.kkt.planned import (
+    GROWTH,
+    INVERSE,
+    ROOM,
+    SWEEPS,
+    WHOLE,
+    PlannedKKT,
+    new_state,
+    reading_distance,
+)
 from stc.solver.kkt.postponing import postponed
 from stc.solver.kkt.segmented_passes import equilibrate_all
 from stc.solver.kkt.segments import Numbered, number_unknowns, row_of_stages
@@ -99,36 +106,6 @@ def find_chain(
     return chain if len(chain.kinds) <= KINDS else None
 
 
-class _Nothing:
-    """The rest where there is none: see ``planned.Rest``."""
-
-    bindings = 0
-    follows_plan = True
-    nnz_factor = nbytes = operations = factor_bytes = 0
-
-    def __init__(self) -> None:
-        self.counts = np.zeros(pivots.COUNTS, dtype=np.int64)
-        self.account = np.zeros(attempts.ACCOUNT)
-        self.account[1] = np.inf  # its plan never has to be made anew
-
-    def steps(self) -> list[tuple[Bound, bool]]:
-        return []
-
-    def prepare_steps(self) -> None: ...
-
-    def follow(self) -> None: ...
-
-    def restart(self) -> None: ...
-
-    def trust_small_pivots(self, trusted: bool) -> None: ...
-
-    def refactor(self) -> Inertia:
-        return Inertia(0, 0, 0)
-
-    def complete(self, ended: int) -> Inertia:
-        return self.refactor()
-
-
 class ChainKKT(PlannedKKT):
     """Sparse LDL^T of stages in a row (see stc.solver.kkt.chain_elimination).
 
@@ -137,7 +114,7 @@ class ChainKKT(PlannedKKT):
 
     def __init__(self, couplings: Couplings, stage: NDArray[np.int64], chain: Chain) -> None:
         arrays = Arrays.of(couplings, numbers=(0.0,))
-        super().__init__(couplings, stage, arrays, _Nothing(), 0)
+        super().__init__(couplings, stage, arrays)
         self._chain = chain
         size = couplings.size
         widest = max(kind.own + kind.outer for kind in chain.kinds)

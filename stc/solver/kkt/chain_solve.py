@@ -28,5 +28,5 @@ FORWARD, FORWARD_TAIL, BACKWARD_TAIL, BACKWARD, CALLS = 0, 1, 2, 3, 4
 forward_run = function("chain_solve_forward_run")
 #: Substitute back with the factors of these stages; arguments as for ``forward_run``.
 backward_run = function("chain_solve_backward_run")
-#: Solve K x = rhs, refined as in ``substitution.solve``.
+#: Solve K x = rhs, refined.
 solve = function("chain_solve_solve")

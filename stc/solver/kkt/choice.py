@@ -1,28 +1,20 @@
-"""Which factorisation suits a sparsity: stages in a row, segments side by side, a tree of fronts or a moving window."""
+"""Which factorisation suits a sparsity: stages in a row, segments side by side, or a tree of fronts."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.arrays import ranks
-from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.entries import Arrays
-from stc.solver.kkt.frontal import FrontalKKT
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.levels import narrower_stages
+from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.kkt.segments import Numbered, Segmentation, find_segments, number_stages
 from stc.solver.nlp import Ints
 
-if TYPE_CHECKING:
-    from stc.solver.kkt.multifrontal import MultifrontalKKT
-
 __all__ = ["new_system", "suits_chain"]
 
-#: Stages of so many unknowns are wide: where there are neither segments nor a chain of them, fronts are faster than a
-#: window. A chain is faster than segments where the middle one of all stages has so many, ...
+#: A chain is faster than segments where the middle one of all stages has so many unknowns, ...
 WIDE = 60
 #: ... or so many, as long as its factors and scaled entries stay in a processor's own memory: so many bytes in all, and
 #: so many for each unknown of a stage and each other one of it, about.
@@ -32,14 +24,14 @@ BYTES = 8.2
 #: For each unknown there should be so many entries off the diagonal, for each unknown of a stage: what is sparser takes
 #: less time in lanes, which waste no operation on zeros. Transcriptions with midpoints have half as many.
 DENSE = 0.1
-#: A chain of sparse wide stages is faster than segments, too, where these leave more than so much of a horizon to the
-#: window, as long as its factors and scaled entries take no more bytes than that.
+#: A chain of sparse wide stages is faster than segments, too, where these leave more than so much of a horizon, as long
+#: as its factors and scaled entries take no more bytes than that.
 SEGMENTED = 0.6
 SHORT = 6 * 2**20
 
 
 def suits_chain(couplings: Couplings, numbered: Numbered) -> bool:
-    """Whether a chain takes less time than segments or a window."""
+    """Whether a chain takes less time than segments or fronts."""
     middle = np.median(np.diff(numbered.stages.pointers))
     dense = couplings.first.size >= DENSE * middle * couplings.size
     near = _bytes_of_chain(numbered) <= NEAR
@@ -47,7 +39,7 @@ def suits_chain(couplings: Couplings, numbered: Numbered) -> bool:
 
 
 def leaves_much(numbered: Numbered, found: Segmentation | None) -> bool:
-    """Whether segments, or a window where there are none, take longer than a chain of sparse stages."""
+    """Whether segments, or fronts where there are none, take longer than a chain of sparse stages."""
     width = np.diff(numbered.stages.pointers)
     taken = 0 if found is None else int(width[found.interior].sum())
     wide = np.median(width) >= max(WIDE, numbered.stages.border.size)
@@ -71,7 +63,7 @@ def new_system(
     row_stage: Ints,
     held: NDArray[np.bool_],
     equations: NDArray[np.bool_],
-) -> FrontalKKT | PlannedKKT | MultifrontalKKT:
+) -> PlannedKKT | MultifrontalKKT:
     """The linear algebra for a sparsity that takes the least time; arguments as for ``StructuredKKT``."""
     pattern = n, m, jac_rows, jac_cols, hess_rows, hess_cols
     couplings = Couplings.of(*pattern)
@@ -96,8 +88,4 @@ def new_system(
             from stc.solver.kkt.segmented import SegmentedKKT
 
             return SegmentedKKT(couplings, stage, found)
-    if couplings.size >= WIDE * ranks(stage)[1]:
-        from stc.solver.kkt.multifrontal import MultifrontalKKT
-
-        return MultifrontalKKT(*pattern, stage[:n], stage[n:])
-    return FrontalKKT.of_couplings(couplings, stage, Arrays.of(couplings))
+    return MultifrontalKKT(*pattern, var_stage, row_stage)

@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 from stc.core.calls import Bound
 from stc.solver.nlp import Floats
 
-__all__ = ["COARSE", "FINE", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]
+__all__ = ["COARSE", "FINE", "REPORT", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]
 
 #: The relative residual that iterative refinement aims at, and one that is enough for a step far from a solution, or
 #: for one that is corrected.
 FINE = 1e-13
 COARSE = 1e-10
+#: Length of ``report``: relative residual, refinements made, and of the scaled system, solution over right-hand side.
+REPORT = 3
 
 
 class NotFinite(ValueError):
@@ -157,6 +159,9 @@ class AttachedKKT(KKTSystem, Protocol):
 
         Its result is 0 then, and ``solve_call`` and ``solve_both_call`` stay as they are. Other results are what
         ``resume`` takes. None where there is no such call; valid until ``refactor``, ``resume`` or ``check_solution``.
+
+        It is for those who can only use the inertia (n, m, 0): any other may be found before the factorisation is
+        complete. ``inertia`` is then wrong in the same direction, and there is nothing to solve with.
         """
 
     def resume(self, ended: int) -> Inertia:

@@ -6,9 +6,8 @@ import numpy as np
 
 from stc.core.calls import Bound
 from stc.records import dataclass
-from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.contract import FINE, AttachedKKT, Inertia
-from stc.solver.kkt.substitution import REPORT
+from stc.solver.kkt.contract import FINE, REPORT, AttachedKKT, Inertia
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.nlp import Floats
 
 __all__ = ["Arrays", "ByCopies", "checked_values"]

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.postponing import postponed
 from stc.solver.kkt.segments import Numbered, Row, number_unknowns
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from stc.arrays import distinct
 from stc.records import dataclass
 from stc.solver.kkt import lanes
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.lane_program import Kind, Program, triangle
 from stc.solver.kkt.lane_runs import are_worthwhile, runs_of
 from stc.solver.kkt.seams import Sewn
@@ -26,7 +26,7 @@ class Rest:
 
     Attributes:
         unknowns: their numbers, (R,), increasing.
-        couplings: its pattern, all entries being given as those of J.
+        couplings: its pattern, all entries being given as those of H, which couple rows as well.
         entry, target: couplings of the whole matrix that are in it, and which entry of it they are.
         results: where the groups' results go (see ``RESULT_INDEX``), (results, LANES) each.
     """
@@ -171,8 +171,8 @@ def _rest_of(found: Segmentation, sewn: Sewn, ends: list[Int64s]) -> Rest:
     keys = keys[keys // count != keys % count]
     none = np.zeros(0, dtype=np.intp)
     pattern = Couplings(
-        variables, count - variables, (keys // count).astype(np.int32), (keys % count).astype(np.int32), none, none,
-        none.astype(np.int32), 0, keys.size,
+        variables, count - variables, (keys // count).astype(np.int32), (keys % count).astype(np.int32),
+        np.arange(keys.size), none, none.astype(np.int32), keys.size, 0,
     )  # fmt: skip
     results = []
     for one, other, real in corners:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.functions import function
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.lane_program import Kind
 from stc.solver.kkt.segments import Segmentation
 from stc.solver.nlp import Floats

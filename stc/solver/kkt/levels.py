@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.functions import function
-from stc.solver.kkt.arrangement import Couplings, sort_by_key
+from stc.solver.kkt.couplings import Couplings, sort_by_key
 from stc.solver.kkt.segments import Numbered
 
 __all__ = ["narrower_stages"]

@@ -6,7 +6,6 @@ The method and its code are in ``stc/core/staged/plan_calls.c``.
 from __future__ import annotations
 
 from stc.core.functions import function
-from stc.solver.kkt.attempts import MADE
 
 __all__ = [
     "ALLOWED",
@@ -37,11 +36,12 @@ __all__ = [
     "solve",
 ]
 
-#: In the tally of a system, behind the attempts that succeeded: how many more there may be, -1 where another plan is
-#: due; the plan of the factors, and that for the next matrix; another one to try when no more are allowed, or -1; how
-#: many are allowed when that suits, and when not; what came of it (0 so far), and how many had succeeded by then; 1 as
-#: long as there is no scale yet.
-ALLOWED, NOW, NEXT, OTHER, IF_SUITED, IF_REFUSED, OUTCOME, MADE_BEFORE, FRESH, TALLY = (
+#: In the tally of a system: attempts that succeeded since it was last looked at; how many more there may be, -1 where
+#: another plan is due; the plan of the factors, and that for the next matrix; another one to try when no more are
+#: allowed, or -1; how many are allowed when that suits, and when not; what came of it (0 so far), and how many had
+#: succeeded by then; 1 as long as there is no scale yet.
+MADE, ALLOWED, NOW, NEXT, OTHER, IF_SUITED, IF_REFUSED, OUTCOME, MADE_BEFORE, FRESH, TALLY = (
+    0,
     1,
     2,
     3,
@@ -71,7 +71,7 @@ eliminate = function("plan_calls_eliminate")
 end = function("plan_calls_end")
 #: Solve once: a matrix that is nearly singular has long solutions, inaccurate factors a large residual.
 is_accurate = function("plan_calls_is_accurate")
-#: ``attempts.end``, of segments and the rest; 1 also where the factors are not accurate.
+#: The inertia found, (3,), of segments and the rest; 1 where the factors are not accurate.
 end_of_plan = function("plan_calls_end_of_plan")
 #: Solve with the factors at hand; ``which`` is SOLVE or SOLVE_BOTH.
 solve = function("plan_calls_solve")

@@ -14,15 +14,14 @@ import numpy as np
 
 from stc.core.calls import Bound
 from stc.records import dataclass, field
-from stc.solver.kkt.contract import COARSE
+from stc.solver.kkt.contract import COARSE, REPORT
 from stc.solver.kkt.lane_state import LARGEST
-from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
 __all__ = ["Plans", "Prepared"]
 
-#: Another plan takes as long as ``FrontalKKT`` takes for matrices of so many unknowns together: it is made when all
-#: plans have failed for so many.
+#: Another plan takes as long as ``MultifrontalKKT`` takes for matrices of so many unknowns together: it is made when
+#: all plans have failed for so many.
 PLANNING = 13_000
 #: Plans that are kept; after so many matrices one that failed may be replaced.
 PLANS = 4
@@ -78,9 +77,8 @@ class Prepared:
     likely_from: int = (
         0  # from which one on it may suit, where it was made later than that, until it has suited one
     )
-    is_accurate: Bound | None = None
+    is_accurate: Bound | None = None  # as soon as all its calls are made
     probed: Floats = field(default_factory=lambda: np.zeros(REPORT))  # what its probe reports
-    bindings: int = -1  # of the rest, that its calls are made for
 
     def suited(self, matrices: int = 1) -> None:
         """Note that it did, for so many in a row."""

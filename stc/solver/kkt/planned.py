@@ -1,14 +1,14 @@
 """A KKT system whose pivots are fixed before, by one of several plans, and tested while they are taken.
 
 How the unknowns are gone through is up to ``SegmentedKKT`` and ``ChainKKT``.  What they have in common is here: which
-plan to try for a matrix (see stc.solver.kkt.plan_choice), and the way out through ``FrontalKKT``, which pivots as the
-values ask for, when a test fails with every plan.
+plan to try for a matrix (see stc.solver.kkt.plan_choice), and the way out through ``MultifrontalKKT``, which pivots as
+the values ask for, when a test fails with every plan.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,29 +16,33 @@ from numpy.typing import NDArray
 from stc.arrays import aligned_zeros, scattered
 from stc.core.calls import Bound, CallTable, chain_until
 from stc.solver.kkt import plan_calls
-from stc.solver.kkt.arrangement import Couplings
-from stc.solver.kkt.contract import FINE, Inertia, NotFinite
+from stc.solver.kkt.contract import FINE, REPORT, Inertia, NotFinite
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays, ByCopies
-from stc.solver.kkt.frontal import DOUBTFUL, REFINEMENTS, FrontalKKT
 from stc.solver.kkt.lane_state import COUNTED, DISTANCE, FETCHED, LARGEST, STATE, STREAMED, TRUSTED, UNWATCHED
+from stc.solver.kkt.multifrontal import DOUBTFUL, MultifrontalKKT
 from stc.solver.kkt.plan_choice import PLANS, Plans, Prepared
 from stc.solver.kkt.segmented_passes import diagonal_of
-from stc.solver.kkt.substitution import REPORT
 from stc.solver.nlp import Floats
 
-__all__ = ["GROWTH", "INVERSE", "ROOM", "WHOLE", "PlannedKKT", "Rest", "new_state"]
+__all__ = ["GROWTH", "INVERSE", "ROOM", "SWEEPS", "WHOLE", "PlannedKKT", "new_state"]
 
 #: No product that is subtracted may exceed this, nor any entry of an inverted pivot, in the equilibrated matrix.
 GROWTH = 1e16
 INVERSE = 1e15
 #: Where they are larger than this share of it, the factors are tried on a right-hand side.
 SUSPECT = 1e-6
-#: The place of the elimination among the steps of an attempt, counted from 1.
+#: Steps of iterative refinement at most.
+REFINEMENTS = 10
+#: The place of the elimination among the steps of an attempt, counted from 1; the rest and the end follow.
 ELIMINATED = 3
 #: The place in the table of what factorises the whole matrix; one plan may be made before it is kept.
 WHOLE = PLANS + 1
 #: Room for factors, as a multiple of what the first plan needs.
 ROOM = 1.25
+#: Sweeps of equilibration at most. Each takes the root of what is left to do: shifts of 1e40 need them all, and where
+#: they were too few, regular matrices came out as singular.
+SWEEPS = 12
 #: Factors of so many bytes leave a processor's own memory; so many numbers before their place is written it is asked
 #: for. Any distance from 800 to 1600 serves as well; with 400 it comes too late.
 NEAR = 3 * 2**19
@@ -48,48 +52,6 @@ AHEAD = 1200
 DISTANT = 2**22
 #: With factors of so many bytes the matrix, and what is known of its order, have left it when they are needed again.
 FAR = 2**24
-
-
-class Rest(Protocol):
-    """What is left when a plan's unknowns have been eliminated, as a system of its own: see ``FrontalKKT``."""
-
-    @property
-    def bindings(self) -> int: ...
-
-    @property
-    def follows_plan(self) -> bool: ...
-
-    @property
-    def counts(self) -> NDArray[np.int64]: ...
-
-    @property
-    def account(self) -> Floats: ...
-
-    @property
-    def nnz_factor(self) -> int: ...
-
-    @property
-    def nbytes(self) -> int: ...
-
-    @property
-    def operations(self) -> int: ...
-
-    @property
-    def factor_bytes(self) -> int: ...
-
-    def steps(self) -> list[tuple[Bound, bool]]: ...
-
-    def prepare_steps(self) -> None: ...
-
-    def follow(self) -> None: ...
-
-    def complete(self, ended: int) -> Inertia: ...
-
-    def refactor(self) -> Inertia: ...
-
-    def restart(self) -> None: ...
-
-    def trust_small_pivots(self, trusted: bool) -> None: ...
 
 
 def new_state(factors: Floats) -> Floats:
@@ -108,7 +70,7 @@ def reading_distance(factors: Floats) -> int:
 
 
 class PlannedKKT(ByCopies):
-    """Sparse LDL^T by plans, or else by ``FrontalKKT``.
+    """Sparse LDL^T by plans, or else by ``MultifrontalKKT``.
 
     See ``AttachedKKT`` for the members.  Whoever inherits sets ``_scale``, ``_vectors`` for solves, as many for either
     of two, and ``_plans`` with one that can only equilibrate, when it knows how.
@@ -125,9 +87,16 @@ class PlannedKKT(ByCopies):
     _plans: Plans
 
     def __init__(
-        self, couplings: Couplings, stage: NDArray[np.int64], arrays: Arrays, rest: Rest, left: int
+        self,
+        couplings: Couplings,
+        stage: NDArray[np.int64],
+        arrays: Arrays,
+        rest: MultifrontalKKT | None = None,
     ) -> None:
-        """``left`` unknowns are those of the rest; vectors of ``arrays`` may have more unknowns than ``couplings``."""
+        """``rest`` is what a plan leaves, as a system of its own, if it leaves anything.
+
+        Vectors of ``arrays`` may have more unknowns than ``couplings``.
+        """
         self.n, self.m = couplings.n, couplings.m
         self.inertia = np.zeros(3, dtype=np.int64)
         self._tally = np.zeros(plan_calls.TALLY, dtype=np.int64)
@@ -154,9 +123,10 @@ class PlannedKKT(ByCopies):
         )  # fmt: skip
         self._tally[plan_calls.FRESH] = 1
         self._rest = rest
-        self._whole: FrontalKKT | None = None
+        self._whole: MultifrontalKKT | None = None
         self._trusts_small_pivots = False
-        self._eliminated = size - left
+        self._rest_inertia = np.zeros(3, dtype=np.int64) if rest is None else rest.inertia
+        self._eliminated = size - (0 if rest is None else rest.rhs.size)
         self._added = (size - couplings.size) // 2
         self._probe_rhs = np.copysign(1.0, scattered(size))
         self._probe_result = np.zeros(size)
@@ -168,9 +138,12 @@ class PlannedKKT(ByCopies):
             plan_calls.solve.bind(self._calls.cells, which, self._tally)
             for which in (plan_calls.SOLVE, plan_calls.SOLVE_BOTH)
         )
-        self._steps: Bound | None = None  # elimination, and those of the rest
-        self._attempt: Bound | None = None  # the same for the next matrix, and all that goes with it
-        self._bindings = -1  # of the rest, that these two are made for
+        self._begin = plan_calls.begin.bind(0, self._curvatures, self._calls.cells, self._tally)
+        rests = [] if rest is None else [(rest.refactor_call, True)]
+        end = plan_calls.end.bind(self._calls.cells, self._tally)
+        self._attempt = chain_until(
+            [(self._collect, True), (self._begin, True), (self._eliminate, True), *rests, (end, True)]
+        )
         self._offered: Prepared | None = None
         self._found_by_effort: list[Any] = []  # programs of the last thorough search
 
@@ -204,7 +177,7 @@ class PlannedKKT(ByCopies):
         Args:
             place: PROBE, SOLVE or SOLVE_BOTH, which is for two right-hand sides.
             vectors: for either right-hand side: itself, ``_vectors``, the solution.
-            reports: of either; see ``substitution.REPORT``.
+            reports: of either; see ``contract.REPORT``.
         """
 
     def _own_diagonal(self) -> Floats:
@@ -231,7 +204,8 @@ class PlannedKKT(ByCopies):
         for plan in self._plans:
             plan.state[TRUSTED], plan.state[UNWATCHED] = SUSPECT, 0.0
         self._factorized = False
-        self._rest.restart()
+        if self._rest is not None:
+            self._rest.restart()
         if self._whole is not None:
             self._whole.restart()
         self._trusts_small_pivots = False
@@ -239,7 +213,8 @@ class PlannedKKT(ByCopies):
     def trust_small_pivots(self, trusted: bool) -> None:
         """See ``AttachedKKT.trust_small_pivots``."""
         self._trusts_small_pivots = trusted
-        self._rest.trust_small_pivots(trusted)
+        if self._rest is not None:
+            self._rest.trust_small_pivots(trusted)
         if self._whole is not None:
             self._whole.trust_small_pivots(trusted)
 
@@ -248,14 +223,14 @@ class PlannedKKT(ByCopies):
         """Additions and multiplications of the last factorisation, updates only."""
         if not self._by_plan:
             return self._whole.operations if self._whole is not None else 0
-        return self._plan_in_use().operations + self._rest.operations
+        return self._plan_in_use().operations + (0 if self._rest is None else self._rest.operations)
 
     @property
     def factor_bytes(self) -> int:
         """Memory that the last factorisation fills."""
         if not self._by_plan:
             return self._whole.factor_bytes if self._whole is not None else 0
-        return self._plan_in_use().factors.nbytes + self._rest.factor_bytes
+        return self._plan_in_use().factors.nbytes + (0 if self._rest is None else self._rest.factor_bytes)
 
     def refactor(self) -> Inertia:
         """See ``AttachedKKT.refactor``."""
@@ -294,25 +269,23 @@ class PlannedKKT(ByCopies):
 
     def _next_attempt(self) -> Bound | None:
         """The same, also for the first matrix since a restart."""
-        rest, plans, tally = self._rest, self._plans, self._tally
+        plans, tally = self._plans, self._tally
         first = bool(tally[plan_calls.FRESH])
-        alike = rest.follows_plan and self._bindings == rest.bindings
-        if not (alike and (self._factorized or first)):
+        if not (self._factorized or first):
             return None
         self._take_attempts()
         if first:
             plans.begin()
         else:
             plans.foresee()
-        if plans.now.bindings != rest.bindings:
+        if plans.now.is_accurate is None:  # not prepared to solve
             return None
         tally[plan_calls.NEXT], tally[plan_calls.ALLOWED] = plans.now.slot, plans.certain
         tally[plan_calls.OTHER] = -1
         due = plans.due
-        if due is not None and due[0].bindings == rest.bindings:
+        if due is not None and due[0].is_accurate is not None:
             self._offered, tally[plan_calls.IF_SUITED], tally[plan_calls.IF_REFUSED] = due
             tally[plan_calls.OTHER] = self._offered.slot
-        rest.follow()
         self._begin.set("curved", plans.now.curved)
         return self._attempt
 
@@ -387,7 +360,7 @@ class PlannedKKT(ByCopies):
             before = self._whole.factorizations
             if self._whole.check_solution():
                 repeated = True
-                self._provide_whole(self._whole)
+                self.nnz_factor = self._whole.nnz_factor
             self._counted += self._whole.factorizations - before
             self.last_residual = self._whole.last_residual
         return repeated
@@ -419,7 +392,7 @@ class PlannedKKT(ByCopies):
             return None
         now = plans.now
         plans.succeeded()
-        self.nnz_factor = now.factors.size + self._rest.nnz_factor
+        self.nnz_factor = now.factors.size + (0 if self._rest is None else self._rest.nnz_factor)
         negative = int(now.state[COUNTED])
         # The seams have as many positive as negative eigenvalues.
         positive = self._eliminated - negative + rest.positive
@@ -427,44 +400,37 @@ class PlannedKKT(ByCopies):
 
     def _has_proved(self, plan: Prepared) -> bool:
         """Whether the factors of a plan are accurate; prepares to solve with them."""
-        if plan.bindings != self._rest.bindings:
+        if plan.is_accurate is None:
             self._bind_solve(plan)
-        if self._bindings != self._rest.bindings:
-            self._bind_steps()
         assert plan.is_accurate is not None
         return not plan.state[LARGEST] > plan.state[TRUSTED] or bool(plan.is_accurate())
 
     def _through(self, plan: Prepared, ended: int | None) -> Inertia | None:
         """Factorise by a plan: the inertia of the rest, or None where a pivot is refused."""
-        rest = self._rest
         if ended is None:
             self._tally[plan_calls.NEXT], self._tally[plan_calls.OTHER] = plan.slot, -1
-            if self._steps is None or self._bindings != rest.bindings or not rest.follows_plan:
-                return None if self._eliminate() else rest.refactor()
-            rest.prepare_steps()
-            ended = self._steps()
-            if ended:
-                ended += ELIMINATED - 1
-        if ended == ELIMINATED:
+            if self._eliminate():
+                return None
+        elif ended == ELIMINATED:
             return None
-        made = ended in (0, ELIMINATED + len(rest.steps()) + 1)
-        return rest.complete(0 if made else ended - ELIMINATED)
+        if self._rest is not None and ended in (None, ELIMINATED + 1):
+            try:
+                return self._rest.refactor()
+            except NotFinite:
+                return None  # growth has overflowed
+        return Inertia(*self._rest_inertia.tolist())
 
     def _refactor_whole(self) -> Inertia:
         if self._whole is None:
-            self._whole = FrontalKKT.of_couplings(self._couplings, self._stage, self._arrays)
+            self._whole = MultifrontalKKT.of_couplings(self._couplings, self._stage, self._arrays)
             self._whole.trust_small_pivots(self._trusts_small_pivots)
+            places = plan_calls.SOLVE, plan_calls.SOLVE_BOTH
+            for place, call in zip(places, self._whole.calls_of_solves, strict=True):
+                self._calls.put(plan_calls.CALLS * WHOLE + place, call)
         inertia = self._whole.refactor()
-        self._provide_whole(self._whole)
+        self.nnz_factor = self._whole.nnz_factor
         self._tally[plan_calls.NOW] = WHOLE
         return inertia
-
-    def _provide_whole(self, whole: FrontalKKT) -> None:
-        """Provide the solves of what it has factorised, which may have had to move to larger arrays for that."""
-        self.nnz_factor = whole.nnz_factor
-        calls = whole.solve_call, whole.solve_both_call
-        for place, call in zip((plan_calls.SOLVE, plan_calls.SOLVE_BOTH), calls, strict=True):
-            self._calls.put(plan_calls.CALLS * WHOLE + place, call)
 
     def _new_plan(self, number: int) -> Prepared | None:
         """See ``plan_choice.Make``."""
@@ -478,11 +444,11 @@ class PlannedKKT(ByCopies):
         return self._prepare(self._found_by_effort[number - 1], slot)
 
     def _bind_solve(self, plan: Prepared) -> None:
-        """Prepare the calls that depend on the rest's factors, too."""
+        """Prepare what follows an elimination by a plan."""
         cells, report = self._calls.cells, plan.probed
         end = plan_calls.end_of_plan.bind(
-            cells, plan.slot, self._rest.counts, self._rest.account, self._eliminated, self._added, plan.state, report,
-            FINE, self.inertia, self.accuracy, self._tally,
+            cells, plan.slot, self._rest_inertia, self._eliminated, self._added, plan.state, report, FINE,
+            self.inertia, self.accuracy, self._tally,
         )  # fmt: skip
         plan.is_accurate = plan_calls.is_accurate.bind(cells, plan.slot, report, plan.state)
         half = len(self._vectors) // 2
@@ -499,15 +465,3 @@ class PlannedKKT(ByCopies):
         ):
             call = self._prepare_solve(plan, place, refinements, vectors, (told, beside))
             self._calls.put(plan_calls.CALLS * plan.slot + place, call)
-        plan.bindings = self._rest.bindings
-
-    def _bind_steps(self) -> None:
-        """Prepare the calls of a whole factorisation."""
-        steps = [(self._eliminate, True), *self._rest.steps()]
-        self._steps = chain_until(steps)
-        self._begin = plan_calls.begin.bind(
-            0, self._curvatures, self._rest.account, self._calls.cells, self._tally
-        )
-        end = plan_calls.end.bind(self._calls.cells, self._tally)
-        self._attempt = chain_until([(self._collect, True), (self._begin, True), *steps, (end, True)])
-        self._bindings = self._rest.bindings

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.functions import function
-from stc.solver.kkt.arrangement import Couplings, sort_by_key
+from stc.solver.kkt.couplings import Couplings, sort_by_key
 
 __all__ = ["postponed"]
 

@@ -10,7 +10,6 @@ import threading
 import weakref
 from collections import OrderedDict
 from hashlib import blake2b
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +18,9 @@ from stc.core.calls import Bound
 from stc.solver.kkt.choice import new_system
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies
-from stc.solver.kkt.frontal import FrontalKKT
+from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.nlp import Floats, Ints
-
-if TYPE_CHECKING:
-    from stc.solver.kkt.multifrontal import MultifrontalKKT
 
 __all__ = ["StructuredKKT", "forget"]
 
@@ -35,11 +31,11 @@ KEPT_BYTES = 128 * 2**20
 LARGEST = 200_000
 
 _lock = threading.RLock()  # the garbage collector may give one back while another is looked up
-_kept: OrderedDict[bytes, FrontalKKT | PlannedKKT | MultifrontalKKT] = OrderedDict()
+_kept: OrderedDict[bytes, PlannedKKT | MultifrontalKKT] = OrderedDict()
 
 
 class StructuredKKT(ByCopies):
-    """What ``choice`` finds to suit: a chain, segments, a tree of fronts or a window.
+    """What ``choice`` finds to suit: a chain, segments or a tree of fronts.
 
     A new one, or one from an earlier solve.
 
@@ -207,7 +203,7 @@ def forget() -> None:
         _kept.clear()
 
 
-def _keep(key: bytes, system: FrontalKKT | PlannedKKT | MultifrontalKKT) -> None:
+def _keep(key: bytes, system: PlannedKKT | MultifrontalKKT) -> None:
     """Keep a factorisation that has served, and give up the oldest ones beyond the limits."""
     with _lock:
         _kept[key] = system

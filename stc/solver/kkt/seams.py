@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.records import dataclass
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.lane_program import Kind
 from stc.solver.kkt.segments import ACROSS, Segmentation
 

@@ -1,7 +1,7 @@
 """The KKT system of a horizon that repeats itself: eight segments at once, then what is between them.
 
 Segments are eliminated with pivots fixed before (see stc.solver.kkt.lanes).  The seams between them and irregular
-stages go through ``FrontalKKT``.
+stages go through ``MultifrontalKKT``.
 """
 
 from __future__ import annotations
@@ -16,17 +16,26 @@ from stc.arrays import aligned_zeros
 from stc.codegen.threads import parallel, record
 from stc.core.calls import Bound, CallTable
 from stc.solver.kkt import lanes, plan_calls
-from stc.solver.kkt.arrangement import Couplings
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays
-from stc.solver.kkt.frontal import SWEEPS, FrontalKKT
 from stc.solver.kkt.lane_panel import KNOWN, PANEL
 from stc.solver.kkt.lane_program import WAYS, Program, effort_of, kind_of, plan_panels
 from stc.solver.kkt.lane_runs import RUN
 from stc.solver.kkt.lane_state import FETCHED, STATE
 from stc.solver.kkt.lane_tables import Layout, code_of, lay_out
 from stc.solver.kkt.lane_values import sizes_of
+from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.plan_choice import Plans, Prepared
-from stc.solver.kkt.planned import GROWTH, INVERSE, ROOM, WHOLE, PlannedKKT, new_state, reading_distance
+from stc.solver.kkt.planned import (
+    GROWTH,
+    INVERSE,
+    ROOM,
+    SWEEPS,
+    WHOLE,
+    PlannedKKT,
+    new_state,
+    reading_distance,
+)
 from stc.solver.kkt.seams import sew
 from stc.solver.kkt.segmented_parts import (
     BACKWARD,
@@ -54,10 +63,12 @@ PHASES_OF = {
     for number, place in enumerate((plan_calls.PROBE, plan_calls.SOLVE, plan_calls.SOLVE_BOTH))
 }
 CALLS_OF_PLAN = 1 + CALLS * len(PHASES_OF)
+#: Behind those of all plans: the rest's solves, of one right-hand side and of two.
+REST_SOLVE = CALLS_OF_PLAN * WHOLE
 
 
 class SegmentedKKT(PlannedKKT):
-    """Sparse LDL^T of segments in vector lanes and of the rest by ``FrontalKKT``.
+    """Sparse LDL^T of segments in vector lanes and of the rest by ``MultifrontalKKT``.
 
     See ``AttachedKKT`` for the members.
     """
@@ -80,14 +91,11 @@ class SegmentedKKT(PlannedKKT):
         ).astype(np.int32)
         self._layout = layout = lay_out(found, self._kinds, sewn, self._source, one)
         left = layout.rest
-        beside = np.concatenate([places.reshape(-1) for places in (*sewn.before, *sewn.after)])
-        self._rest_system = FrontalKKT.of_couplings(
-            left.couplings,
-            sewn.stage[left.unknowns],
-            Arrays.of(left.couplings),
-            part_filled=np.searchsorted(left.unknowns, beside),
+        self._rest_arrays = Arrays.of(left.couplings)
+        rest = MultifrontalKKT.of_couplings(
+            left.couplings, sewn.stage[left.unknowns], self._rest_arrays, part=True
         )
-        super().__init__(couplings, stage, arrays, self._rest_system, left.unknowns.size)
+        super().__init__(couplings, stage, arrays, rest)
         self._scale, self._most, *self._vectors = (aligned_zeros(layout.length) for _ in range(12))
         self._scale[:] = 1.0
         self._matrix = aligned_zeros(layout.matrix)
@@ -102,10 +110,12 @@ class SegmentedKKT(PlannedKKT):
         ends = np.cumsum((0, *found.parts)).tolist()
         self._parts = [_Part(range(begin, end), layout, widest) for begin, end in itertools.pairwise(ends)]
         others = len(self._parts) - 1
-        self._left_entries = np.zeros((others, self._rest_system.given.size))
+        self._left_entries = np.zeros((others, self._rest_arrays.given.size))
         self._left_most = np.zeros((others, layout.length))
         self._left = np.zeros((others, layout.length)), np.zeros((others, layout.length))
-        self._part_calls = CallTable(CALLS_OF_PLAN * WHOLE)
+        self._part_calls = CallTable(REST_SOLVE + 2)
+        for both, call in enumerate(rest.calls_of_solves):
+            self._part_calls.put(REST_SOLVE + both, call)
         self._paces = [record() for _ in range(1 + 2 * CALLS)]
         nothing = [np.zeros(kind.size * (kind.size + 1) // 2, dtype=bool) for kind in self._kinds]
         first = self._prepare([Program([], used, 0, 0) for used in nothing], 0)  # for equilibration
@@ -117,7 +127,8 @@ class SegmentedKKT(PlannedKKT):
         own = 8 * self._arrays.given.size + 64 * self._diagonal.size + self._layout.index.nbytes
         own += self._factors.nbytes + self._matrix.nbytes + (2 + len(self._vectors)) * self._scale.nbytes
         own += self._left_entries.nbytes + self._left_most.nbytes + sum(left.nbytes for left in self._left)
-        return own + self._rest.nbytes + (self._whole.nbytes if self._whole is not None else 0)
+        own += 0 if self._rest is None else self._rest.nbytes
+        return own + (self._whole.nbytes if self._whole is not None else 0)
 
     def _programs(self, thorough: bool) -> list[list[Program]]:
         """See ``PlannedKKT``."""
@@ -153,7 +164,7 @@ class SegmentedKKT(PlannedKKT):
             own_state = states[STATE * number :][:STATE]
             own_state[:] = state
             first = number == 0
-            left = self._rest_system.given if first else self._left_entries[number - 1]
+            left = self._rest_arrays.given if first else self._left_entries[number - 1]
             most = self._most if first else self._left_most[number - 1]
             calls.append(
                 eliminate_part.bind(
@@ -168,8 +179,8 @@ class SegmentedKKT(PlannedKKT):
         eliminate = eliminate_all.bind(
             self._part_calls.cells, place + ELIMINATE, len(self._parts), states, spreads, self._left_entries.shape[1],
             self._left_entries.reshape(-1), self._left_most.reshape(-1), layout.index, given, self._diagonal,
-            self._scale, self._most, self._rest_system.given, state, *outside, rest.target, *self._rest_entries,
-            rest.couplings.n, rest.couplings.jac_count, self._rest_matrix,
+            self._scale, self._most, self._rest_arrays.given, state, *outside, rest.target, *self._rest_entries,
+            rest.couplings.n, rest.couplings.hess_count, self._rest_matrix,
         )  # fmt: skip
         work = self._parts[0]
         equilibrate = equilibrate_all.bind(
@@ -213,6 +224,7 @@ class SegmentedKKT(PlannedKKT):
         outer, rest, distance = layout.outer, layout.rest, reading_distance(plan.factors)
         progress, norms = np.zeros(PROGRESS, dtype=np.int64), np.zeros(NORMS * len(self._parts))
         left, other_left = self._left
+        left_over = self._rest_arrays
         phases: tuple[list[Bound], ...] = [], [], []
         for number, part in enumerate(self._parts):
             # What the first part leaves goes to the rest at once.
@@ -249,7 +261,8 @@ class SegmentedKKT(PlannedKKT):
             both, refinements, self.accuracy, self._part_calls.cells, begin, len(self._parts), progress, norms,
             np.zeros(2), left.reshape(-1), other_left.reshape(-1), layout.index, outer, rest.unknowns.size,
             rest.entry.size, *self._rest_entries[:2], self._rest_matrix, self._scale,
-            *self._rest_system.factors_in_order(), *vectors, *reports,
+            REST_SOLVE, left_over.rhs, left_over.solution, left_over.second_rhs, left_over.second_solution, *vectors,
+            *reports,
         )  # fmt: skip
 
 

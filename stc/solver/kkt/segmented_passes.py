@@ -24,9 +24,9 @@ DOUBTED_SCALE = 3
 
 #: Collect the diagonal, (n + m,); p and d begin at ``given[at]``.
 diagonal_of = function("segmented_passes_diagonal_of")
-#: Make ``scale`` serve the matrix (see ``stc.solver.kkt.values.equilibrate``); whether it did not do so before.
+#: Make ``scale`` serve the matrix (see ``equilibrate`` in ``stc/core/load.h``); whether it did not do so before.
 equilibrate_all = function("segmented_passes_equilibrate_all")
 #: Load the rest, eliminate the segments and add what they leave to the rest, ``result``.
 eliminate_all = function("segmented_passes_eliminate_all")
-#: Solve K x = rhs: the segments' part, the rest's, the segments' again; refined as in ``substitution.solve``.
+#: Solve K x = rhs: the segments' part, the rest's, the segments' again; refined.
 solve_all = function("segmented_passes_solve_all")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from stc.arrays import ranks
 from stc.core.functions import function
 from stc.records import dataclass
-from stc.solver.kkt.arrangement import Couplings, sort_by_key
+from stc.solver.kkt.couplings import Couplings, sort_by_key
 from stc.solver.kkt.lane_runs import RUN
 
 __all__ = [

@@ -280,7 +280,7 @@ def test_a_biped_steps_without_a_schedule(tmp_path: Path) -> None:
     assert validate(solution).passed
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_lamp_jumps_without_a_schedule(tmp_path: Path) -> None:
     rough = stc.load(DOCS / "lamp_free.stc").solve()
     assert rough.status == "optimal"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 
 import mujoco
@@ -39,6 +40,12 @@ def page(name: str) -> str:
     return find_spec(name).read_text(encoding="utf-8")
 
 
+@functools.cache
+def solved(name: str) -> Solution:
+    """The motion, solved once for all tests here."""
+    return stc.load(name).solve()
+
+
 @pytest.mark.parametrize("name", MOTIONS)
 def test_a_page_is_short_and_says_in_its_first_line_what_happens(name: str) -> None:
     lines = page(name).splitlines()
@@ -60,7 +67,7 @@ def marked(names: Iterable[str]) -> list[ParameterSet]:
 
 @pytest.mark.parametrize("name", marked(MOTIONS))
 def test_a_motion_is_repeated_in_mujoco(name: str) -> None:
-    report = validate(stc.load(name).solve())
+    report = validate(solved(name))
     failed = [metric for metric in report.metrics if metric.verdict == "fail"]
     assert report.passed, failed or report.findings
     assert report.tracked_by == "LQR"
@@ -68,7 +75,7 @@ def test_a_motion_is_repeated_in_mujoco(name: str) -> None:
 
 @pytest.mark.parametrize("name", marked(MOTIONS))
 def test_a_motion_is_found_and_obeys_the_equations_of_mujoco(name: str) -> None:
-    solution = stc.load(name).solve()
+    solution = solved(name)
     assert solution.status == "optimal"
     error, d = against_mujoco(solution)
     assert error < 1e-7
@@ -154,7 +161,7 @@ def place_of(m: mujoco.MjModel, d: mujoco.MjData, of: str, name: str) -> tuple[n
 
 @pytest.mark.slow
 def test_the_ball_goes_around_the_post_and_not_through_it() -> None:
-    solution = stc.load("arm_swing").solve()
+    solution = solved("arm_swing")
     m = mujoco.MjModel.from_xml_path(str(models.locate("arm7.xml")))
     d = mujoco.MjData(m)
     post = m.geom("post")

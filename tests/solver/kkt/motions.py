@@ -8,8 +8,8 @@ import numpy as np
 from solver.kkt.kkt_problems import Builder, Pattern
 
 from stc.solver.kkt import chain, folding, segments
-from stc.solver.kkt.arrangement import Couplings
 from stc.solver.kkt.chain import ChainKKT
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.segmented import SegmentedKKT
 from stc.solver.kkt.segments import Segmentation, find_segments, number_stages
 

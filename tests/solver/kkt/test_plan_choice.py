@@ -288,9 +288,7 @@ class Scripted:
             for place, name in ((plan_calls.ELIMINATE, "eliminate"), (plan_calls.EQUILIBRATE, "equilibrate")):
                 call = Bound.of_python(self.make, (f"{name}{plan}",))
                 self.table.put(plan_calls.CALLS * plan + place, call)
-        self.begin = plan_calls.begin.bind(
-            1, np.ones(1, dtype=np.int64), np.array([0.0, 1.0, 0.0, 0.0]), self.table.cells, self.tally
-        )
+        self.begin = plan_calls.begin.bind(1, np.ones(1, dtype=np.int64), self.table.cells, self.tally)
         self.eliminate = plan_calls.eliminate.bind(self.table.cells, self.tally)
 
     def make(self, name):

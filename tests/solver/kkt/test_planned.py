@@ -16,21 +16,20 @@ from stc.solver.kkt.lane_state import DISTANCE, FETCHED, RARELY, STREAMED, TRUST
 SYSTEMS = pytest.mark.parametrize("system", [system_of, chain_of])
 
 
-@pytest.mark.parametrize("waypoint", [False, True])
 @pytest.mark.parametrize("parameters", [0, 2])
-@pytest.mark.parametrize("frames", [16, 33])
+@pytest.mark.parametrize(("frames", "waypoint"), [(16, False), (16, True), (33, True)])
 @pytest.mark.parametrize("values_of", VALUES.values(), ids=VALUES)
 @SYSTEMS
 def test_against_eigenvalues(system, values_of, frames, parameters, waypoint):
     rng = np.random.default_rng(frames + parameters)
     pattern = motion(rng, frames, parameters=parameters, waypoint=waypoint)
     kkt = system(pattern)
-    for _ in range(3):
+    for _ in range(2):
         check(kkt, pattern, values_of(rng, pattern), rng)
 
 
 @SYSTEMS
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**31),
     frames=st.integers(16, 30),

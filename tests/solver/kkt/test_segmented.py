@@ -249,22 +249,6 @@ def test_storage_grows_with_the_frames_only():
     assert sizes[2] - sizes[1] < 2.3 * (sizes[1] - sizes[0])
 
 
-def test_a_factorisation_of_the_rest_that_is_interrupted():
-    rng = np.random.default_rng(14)
-    pattern = motion(rng, 40)
-    kkt = system_of(pattern)
-    values = generic(rng, pattern)
-    check(kkt, pattern, values, rng)
-    rest = kkt._rest
-    rest._capacity = 8  # less than any factor needs
-    rest._allocate_factors()
-    rest._bind()
-    kkt._bind_solve(kkt._plans.now)
-    check(kkt, pattern, values, rng)
-    assert rest._capacity > 8
-    assert not rest._window.any()
-
-
 def test_the_next_solve_takes_over():
     rng = np.random.default_rng(10)
     pattern = motion(rng, 80)

@@ -48,7 +48,8 @@ def test_the_last_pivot_is_right_however_small(give: float) -> None:
     kkt.trust_small_pivots(False)
     rows, cols = np.nonzero(matrix)
     doubted = kkt.factorize(np.zeros(0), matrix[rows, cols], np.zeros(N), np.full(N + 1, give))
-    assert doubted == ((N, N + 1, 0) if give > 1e-18 else (N, N, 1))
+    # Not trusted, an eigenvalue below the rounding unit counts as zero.
+    assert doubted == ((N, N + 1, 0) if give > 1e-15 else (N, N, 1))
 
 
 def test_rows_that_say_the_same_are_dependent_all_the_same() -> None:

@@ -72,7 +72,9 @@ def test_a_spec_that_cannot_take_more_frames_as_it_is_gets_no_number() -> None:
     text = text_of("arm_reach").replace("n = 60", "n = 16").replace("[n]:", "[16]:")
     (step,) = certify(stc.load(text).solve()).next_steps
     assert step.startswith("take more frames: the spec has to be changed for that, since <text>:")
-    assert "it does not keep its share of the motion" in step
+    assert (
+        "it does not keep its share of the motion (write frame numbers as shares of n, here `16/16*n`" in step
+    )
     assert "--until-verified" not in step  # which would be refused
 
 

@@ -76,6 +76,7 @@ def test_frames_are_not_to_blame_where_the_solved_contact_forces_give_the_motion
     assert any(
         step.startswith("take more frames: --set n=200") for step in next_steps(coarse, False, "--set n=200")
     )
+    assert any("; or stiffer;" in step for step in next_steps(coarse, False, "--set n=200", soft="stiffer"))
 
 
 def test_a_limit_of_the_model_is_named(tmp_path: Path) -> None:
