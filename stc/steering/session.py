@@ -310,7 +310,11 @@ class Session:
             }
         if any(self._tweaks.wanted(name) != value for name, value in goal.items()):
             self._tweaks.turn(**goal)
-        elif not self.busy:  # else it is being solved for already, and there is a way to go from there
+        elif self.busy:
+            return  # it is being solved for already, and there is a way to go from there
+        elif self.solution is not setup.solution:  # it has been found meanwhile: the next stride begins there
+            self._bring(pull)
+        else:
             self._pull = None
 
     def release(self) -> None:
