@@ -6,9 +6,9 @@
  * Read this file first.  The life of a system:
  *
  *     kkt_new        takes the pattern, copies it, and allocates what does not depend on values
- *     kkt_refactor   scales K, plans the elimination the first time (order.c), and factorises (front.c)
+ *     kkt_refactor   scales K, plans the elimination the first time (plan.c), and factorises (multifrontal.h, front.h)
  *     kkt_attempt    the same, but given up as soon as the inertia cannot be (n, m, 0) any more
- *     kkt_solve      solves with iterative refinement (solve.c); kkt_solve_both for two right-hand sides at once
+ *     kkt_solve      solves with iterative refinement (substitute.h); kkt_solve_both for two right-hand sides at once
  *     kkt_free
  *
  * The method is the multifrontal one (Duff & Reid 1983): S K S = P L D L^T P^T, with S from equilibration (Ruiz 2001),

@@ -10,6 +10,7 @@ and the Lagrangian is ``f + y.(r - s) - z.gap``.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
@@ -50,7 +51,7 @@ def linear_system_of(kkt: AttachedKKT) -> Structure:
     )  # fmt: skip
 
 
-class Formulation:
+class Formulation(ABC):
     """Sizes, bounds and sparsity, with the products that they imply.  Subclasses evaluate functions.
 
     Attributes:
@@ -126,9 +127,9 @@ class Formulation:
         """The arrays of ``attached_kkt`` for functions of the core."""
         return linear_system_of(self.attached_kkt)
 
+    @abstractmethod
     def evaluator(self) -> Evaluator:
         """Functions and derivatives at fixed places."""
-        raise NotImplementedError
 
     def watch_call(self, it: Iterate, violation: Floats, stated: Floats) -> Bound:
         """The call that notes what the iterate is in the user's terms: the ``violation`` (1,), and the objective,
@@ -169,17 +170,13 @@ class Formulation:
         self.hess_rows = np.ascontiguousarray(hess_rows, dtype=np.int64)
         self.hess_cols = np.ascontiguousarray(hess_cols, dtype=np.int64)
 
+    @abstractmethod
     def values(self, x: Floats) -> tuple[float, Floats]:
         """Objective and rows (m,) at ``x`` (n,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def user_variables(self, x: Floats) -> Floats:
         """Variables in the user's terms, owned by the caller."""
-        raise NotImplementedError
-
-    def user_objective(self, f: float) -> float:
-        """Objective in the user's terms."""
-        raise NotImplementedError
 
     # -- products ----------------------------------------------------------------------------------------------
 

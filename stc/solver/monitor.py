@@ -75,10 +75,6 @@ class Monitor:
         """Whether somebody wants to see every iterate."""
         return self._callback is not None
 
-    def pass_on(self, record: IterationRecord) -> bool:
-        """Show the record of another solve's iteration to who watches this one; whether to stop."""
-        return self._callback is not None and bool(self._callback(record))
-
     @property
     def is_late(self) -> bool:
         """Whether the time is up."""

@@ -247,6 +247,7 @@ class ScaledProblem(Formulation):
         return self.user_objective(f), self.violation(x, r)
 
     def user_objective(self, f: float) -> float:
+        """Objective in the user's terms."""
         return f / self.objective_scale
 
     def as_stated(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:

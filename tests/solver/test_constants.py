@@ -103,7 +103,7 @@ OTHERS_OF_THE_CORE = {
     "conditions": {"NO_BOUND"},
     "iteration": {"EPSILON"},
     "line_search": {"SMALLEST_POWER"},
-    "points": {"UNDERFLOW", "OVERFLOW"},
+    "points": {"SMALLEST_PRODUCT", "LARGEST_PRODUCT"},
     "progress": {"LARGEST_ERROR", "LOW"},  # the latter is minus TOO_FAR
 }
 

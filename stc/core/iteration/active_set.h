@@ -40,7 +40,7 @@ API void conditions_state(primal_dual *p, int64_t given);
  * complementarity are one. */
 API void conditions_balance(primal_dual *p, const double *balanced);
 /* The active set, and the error in projected form; 1 where it is none. */
-API int64_t conditions_project(primal_dual *p);
+int64_t conditions_project(primal_dual *p);
 /* Matrix and right-hand side of the Newton step on the active set: variables go to their bounds, multipliers of rows
  * that are not active to zero.  The matrix has all entries, whatever is active: diagonals tell that. */
 API void conditions_restrict(primal_dual *p);

@@ -207,7 +207,7 @@ API void point_evaluate(iteration *it);
 /* Errors of the optimality conditions of the barrier problem with parameter mu; residual. */
 API void point_measure(iteration *it, double mu);
 /* Evaluate the rows at the trial point, or at a fraction alpha of the step. */
-API void point_try(iteration *it);
+void point_try(iteration *it);
 API void point_try_step(iteration *it, double alpha);
 /* Make the trial point, a fraction alpha of the step, the iterate; 0 where a derivative is undefined there. */
 API int64_t point_move(iteration *it);

@@ -2,8 +2,8 @@
 #include "iteration.h"
 
 /* Products of gaps between these are collected before their logarithm is taken. */
-#define UNDERFLOW 1e-140
-#define OVERFLOW 1e+140
+#define SMALLEST_PRODUCT 1e-140
+#define LARGEST_PRODUCT 1e+140
 /* See multiplier_scale. */
 #define MEAN_MULTIPLIER 100.0
 #define LARGEST_MULTIPLIER 1000.0
@@ -16,11 +16,11 @@ double point_log_sum(int64_t count, const double *values) {
     for (int64_t k = 0; k < count; k++) {
         double value = values[k];
         if (!(value > 0.0)) return value * 0.0 / 0.0;
-        if (value < UNDERFLOW || value > OVERFLOW) {
+        if (value < SMALLEST_PRODUCT || value > LARGEST_PRODUCT) {
             total += log(value);
         } else {
             product *= value;
-            if (product < UNDERFLOW || product > OVERFLOW) {
+            if (product < SMALLEST_PRODUCT || product > LARGEST_PRODUCT) {
                 total += log(product);
                 product = 1.0;
             }
