@@ -13,7 +13,7 @@ the smaller sides were held, the sign of a multiplier may be wrong, and the prod
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from itertools import product
 from typing import Any
@@ -21,14 +21,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.language.model.free import RATE
 from stc.origin import model_of
+from stc.problem import Problem
 from stc.records import dataclass
+from stc.restated import stated_again
 from stc.solution import Solution
 from stc.solver.pairs import Pairs
 from stc.studies.explain import frames_in_words
+from stc.symbolic.expr import ZERO
 from stc.transcription.bind import BoundProgram
 from stc.transcription.layout import Layout
 from stc.transcription.ownership import Ownership
+from stc.transcription.transcription import Transcription
 
 __all__ = ["Complementarity", "Degenerate", "complementarity"]
 
@@ -42,6 +47,7 @@ SIGN = 1e-4
 """Multipliers below this share of the largest one count as 0, and so do descents below this share of the largest
 slope.
 """
+KINDS = ("strong", "M", "C", "weak", "unknown")
 MOST_SIDES, MOST_UNKNOWNS, MOST_SECONDS = 8, 20_000, 10.0
 """Largest numbers of pairs and of unknowns for which both choices of sides are tried, and the time for each choice."""
 
@@ -105,7 +111,8 @@ class Complementarity:
 
 
 def complementarity(solution: Solution) -> Complementarity | None:
-    """The residual and stationarity of the pairs of an optimal solution; None if it has none, or is not optimal.
+    """The residual and stationarity of the pairs of an optimal solution, and of its contacts that nobody schedules;
+    None if it has none, or is not optimal.
 
     Raises:
         SpecError: the text is not a spec.
@@ -114,12 +121,31 @@ def complementarity(solution: Solution) -> Complementarity | None:
         return None
     model = model_of(solution)
     problem, transcription = model.transcription(solution.method, **solution.overrides)
-    if not any(relation.complementary for relation in problem.relations):
+    if not problem.free_contacts and not any(relation.complementary for relation in problem.relations):
         return None
     bound = transcription.bind(problem.constants, check=False)
-    pairs: Pairs = bound.pairs
-    if not len(pairs) or len(solution.x) != bound.n or len(solution.row_multipliers) != bound.m:
+    if len(solution.x) != bound.n or len(solution.row_multipliers) != bound.m:
         return None
+    found = list(_of_contacts(solution, problem))
+    if len(bound.pairs):
+        found.append(_of_pairs(solution, transcription, bound))
+    return _together(found) if found else None
+
+
+def _together(found: Sequence[Complementarity]) -> Complementarity:
+    """What holds of all parts: the weakest kind, and B-stationarity of all."""
+    known = [one.b_stationary for one in found]
+    return Complementarity(
+        sum(one.pairs for one in found),
+        max(one.residual for one in found),
+        max((one.stationarity for one in found), key=KINDS.index),
+        False if False in known else None if None in known else True,
+        [degenerate for one in found for degenerate in one.degenerate],
+    )
+
+
+def _of_pairs(solution: Solution, transcription: Transcription, bound: BoundProgram) -> Complementarity:
+    pairs: Pairs = bound.pairs
     rows = bound.values(solution.x)[1].copy()
     spare = pairs.spare(bound, solution.x, rows)
     both = (spare <= NOTHING).all(axis=1)
@@ -132,6 +158,42 @@ def complementarity(solution: Solution) -> Complementarity | None:
         b_stationary,
         list(_degenerate(ownership, pairs.product[both])),
     )
+
+
+def _of_contacts(solution: Solution, problem: Problem) -> Iterator[Complementarity]:
+    """What is known of contacts whose laws are relaxed by a constant e.
+
+    Products of a force, in weights, and of what has to be zero where it acts are at most e: the smaller factor is at
+    most its root.  A frame at which one factor is larger has been decided, and as e goes to zero a KKT point with all
+    frames decided becomes one of the program in which the other factors are equations: it is strongly stationary.  At
+    other frames nothing is known (S. Scholtes, Convergence properties of a regularization scheme for mathematical
+    programs with complementarity constraints, SIAM J. Optim. 11, 2001).
+    """
+    contacts = [contact for contact in problem.free_contacts if contact.relaxed]
+    if not contacts:
+        return
+    relaxation = solution.constants[problem.relaxation]
+    recovery = stated_again(solution).recovery(solution.x, solution.constants)
+    for contact in contacts:
+        push = np.abs(recovery.channel(contact.pressure).before[1:]) / contact.weight
+        gap = np.abs(np.sum([recovery.channel(one).before[1:] for one in contact.gaps], axis=0))
+        open_ = np.maximum(push, gap) <= np.sqrt(relaxation)
+        if contact.sticks:
+            rates = [recovery.channel(rate).before[1:] for rate in contact.slip if rate is not ZERO]
+            speed = np.max(np.abs(rates), axis=0, initial=0.0) if rates else np.zeros(len(push))
+            if len(contact.gaps) == 1:  # a point stands still until it has left
+                speed = np.maximum(speed, np.append(speed[1:], 0.0))
+            open_ &= speed <= np.sqrt(RATE * relaxation)
+        decided = contact.sticks and not open_.any()
+        frames = (1.0 + np.flatnonzero(open_)).tolist()
+        where = Degenerate(f"free: {contact.name}", contact.span.location, frames)
+        yield Complementarity(
+            len(push),
+            float(np.max(np.minimum(push, gap) / np.maximum(1.0, np.maximum(push, gap)))),
+            "strong" if decided else "unknown",
+            True if decided else None,
+            [where] if frames else [],
+        )
 
 
 def _stationarity(
