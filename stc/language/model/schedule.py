@@ -333,7 +333,11 @@ class Schedule:
             joins = before.way != after.way and before.surface == after.surface
             if after.frames.first < before.frames.last + (not joins):
                 message = f"`{contact.name}` stands already on {before.frames}"
-                self.context.error(after.statement, message, "its ranges may not overlap")
+                hint = (
+                    f"two ranges in which it stands may not share a frame: write one for both, from frame "
+                    f"{before.frames.first} to {max(before.frames.last, after.frames.last)}"
+                )
+                self.context.error(after.statement, message, hint)
         landed = 0
         touched = 0
         for phase in contact.phases:
