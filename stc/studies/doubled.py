@@ -28,7 +28,8 @@ FROM_COARSER = 100
 LEAST_RANGE = 1e-6
 """A variable whose range is below this share of the largest range counts as constant."""
 STILL = 1e-4
-"""A coordinate of a model stands still if it moves by less than this, in m or rad: the validation allows it a drift of 1 % of this."""
+"""A coordinate of a model stands still if it moves by less than this, in m or rad: 1 % of it, 1e-6, is the least drift
+that the validation allows."""
 SHARE_OF_TIME, LEAST_TIME = 0.25, 1.0
 """Limits of the finer solve's processor time: a share of that of the solution, and a least number of seconds."""
 FEW, LATE = 20, 2.0
