@@ -152,12 +152,12 @@ def friction_note(setup: Setup) -> str:
     for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity).tolist():
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) or f"geom {geom}"
         named.setdefault(float(model.geom_friction[geom, 0]), []).append(name)
-    parts = [
-        f"{friction:.4g} ({', '.join(names[:_NAMED])}{f' and {more} more' if (more := len(names) - _NAMED) > 0 else ''})"
-        for friction, names in named.items()
-    ]
-    friction = f"; their friction is {', '.join(parts)}" if parts else ""
-    return f"MuJoCo's own contacts give every ground force{friction}"
+    parts = []
+    for friction, names in named.items():
+        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+        parts.append(f"{friction:.4g} ({', '.join(names[:_NAMED])}{more})")
+    of_all = f"; their friction is {', '.join(parts)}" if parts else ""
+    return f"MuJoCo's own contacts give every ground force{of_all}"
 
 
 def _parts(setup: Setup) -> tuple[list[Coordinate], list[Tie]]:
