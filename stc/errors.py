@@ -147,7 +147,7 @@ class Span:
 
     @property
     def text(self) -> str:
-        """The characters themselves, those of repetitions written out."""
+        """The text, with repetitions written out."""
         return self.source.text[self.start : self.end]
 
     @property

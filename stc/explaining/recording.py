@@ -88,7 +88,7 @@ class Recording:
 
     @property
     def coordinates(self) -> list[Coordinates]:
-        """What the variables of each joint are called."""
+        """The names of the variables of each joint."""
         return [coordinates_of(joint) for joint in self.mechanism.joints]
 
     @property
@@ -195,7 +195,7 @@ def _found(columns: dict[str, tuple[str, FloatArray]], name: str) -> FloatArray 
 
 
 def _columns(path: Path) -> dict[str, tuple[str, FloatArray]]:
-    """The numbers of each column by its name, with its unit where it tells one.
+    """The unit (empty if none is given) and the numbers of each column, by its name.
 
     Raises
     ------
@@ -233,7 +233,7 @@ def _number(cell: str) -> float:
 
 
 def _quaternions(mechanism: Mechanism) -> list[slice]:
-    """Where quaternions are among the positions."""
+    """The ranges of indices of the quaternions in ``qpos``."""
     found = []
     for joint in mechanism.joints:
         if joint.kind in ("free", "ball"):

@@ -37,7 +37,7 @@ _ROUNDS, _STEP = 20, 1e-6
 
 @dataclass(slots=True)
 class Contact:
-    """What touches the floor, and when.
+    """A point that touches the floor, and the frames on which it does.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ def _name(spot: Spot, number: int) -> str:
 
 
 def _unlike(found: list[Contact]) -> list[Contact]:
-    """Of the points of one body that stand at the same time the first three: what a fourth one bears nothing tells."""
+    """At most three points of a body that stand at the same time: the force on a fourth one is not determined."""
     kept: list[Contact] = []
     for contact in found:
         alike = [one for one in kept if one.spot.body == contact.spot.body and one.ranges == contact.ranges]

@@ -82,7 +82,7 @@ def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
 
 @dataclass(slots=True)
 class _Passes:
-    """What passes have in common, and what they take together."""
+    """Data that all passes share, and the sums of their iterations and times."""
 
     nlp: NLP
     pairs: Pairs
@@ -166,8 +166,10 @@ class _Passes:
 
 
 def _first_weight(nlp: NLP, pairs: Pairs, start: Start) -> float:
-    """That of an earlier solution, which products have as their multiplier; else one that lets the penalty's gradient
-    matter as much as the objective's, a little way off the start, where neither is flat by chance."""
+    """The first weight of the penalty: the largest multiplier of a product in an earlier solution. Without one, the
+    weight
+    for which the gradients of penalty and objective are equally large a little way off the start, where neither is flat
+    by chance."""
     if start.row_multipliers is not None:
         known = float(np.abs(start.row_multipliers[pairs.product]).max(initial=0.0))
         if known > 0.0:

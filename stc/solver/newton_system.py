@@ -104,7 +104,7 @@ class NewtonSystem:
         return inertia
 
     def _is_right(self) -> bool:
-        """Factorise with the shifts as they are; whether the inertia is right."""
+        """Factorise with the present shifts. Returns whether the inertia is right."""
         self.work.run("step_shifted")
         inertia = self._refactor()
         return inertia.zero == 0 and inertia.negative == self.form.m

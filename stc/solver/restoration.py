@@ -38,7 +38,7 @@ def barrier_value(f: float, gap: Floats, mu: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Tells when restoration may end: the violation fell and the filter accepts the point."""
+    """Decides when restoration may end: the violation fell and the filter accepts the point."""
 
     elastic: ElasticProblem
     filter: Filter

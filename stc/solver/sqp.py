@@ -201,7 +201,7 @@ class _Solve:
         return self._conclude(outcome)
 
     def _strategies(self, form: ScaledProblem) -> list[tuple[str, Strategy]]:
-        """What is tried where the barrier method from the guess finds no answer, in this order."""
+        """The attempts, in order, after the barrier method from the guess has found no solution."""
         attempts, scales = self.attempts, self.rescalings
         convex = once(is_convex, self.nlp)
         constrained = form.m > 0 or form.gaps > 0
@@ -282,7 +282,7 @@ class _Solve:
         return self.attempts.warm(form, x, start, False, tactics)
 
     def _is_proof(self, outcome: Outcome) -> bool:
-        """Whether the outcome is a violation that is the smallest of all."""
+        """Whether the violation of the outcome is proved to be the smallest possible one."""
         return outcome.end is End.STATIONARY_VIOLATION and once(is_convex, self.nlp)
 
     def _with_feasible_points(self, outcome: Outcome) -> Outcome:

@@ -1,4 +1,4 @@
-"""What the page draws, as arrays: the model's surfaces once, and where its bodies are for each motion."""
+"""The scene of the page as arrays: the model's surfaces once, and where its bodies are for each motion."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Handle:
 
 
 def body_name(model: Any, body: int) -> str:
-    """What a body is called."""
+    """The name of a body."""
     return str(model.body(body).name) or f"body {body}"
 
 

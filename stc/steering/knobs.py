@@ -84,7 +84,7 @@ class PoseSite:
 
 @dataclass(slots=True)
 class Knobs:
-    """What can be steered in a spec.
+    """The constants, poses and targets of a spec that can be steered.
 
     Attributes:
         source: the spec.

@@ -150,7 +150,7 @@ class Balls:
             print(self.message, flush=True)
 
     def state(self) -> str:
-        """What the window says of the motion."""
+        """The status line of the window."""
         session = self.session
         words = "solving" if session.busy else "solved"
         if not session.busy and session.message:

@@ -122,7 +122,7 @@ def apart(coarse: Solution, finer: Solution, names: Iterable[str]) -> dict[str, 
 
 
 def sizes(solution: Solution, names: Iterable[str]) -> dict[str, float]:
-    """What the error of each variable is compared with: its range, or a least one for a variable that stands still."""
+    """The range to which the error of each variable is relative; for a variable that stands still, a least range."""
     ranges = {name: _range(solution.trajectories[name, 0]) for name in names}
     least = max(LEAST_RANGE * max(ranges.values(), default=0.0), 1e-9)
     return {

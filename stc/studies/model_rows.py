@@ -192,7 +192,7 @@ class _Rows:
     # --------------------------------------------------------------- comparing
 
     def compare(self, count: int, rng: np.random.Generator) -> None:
-        """As a whole at many states, then entry by entry at a few."""
+        """Compare the equations as a whole at ``count`` random states, then entry by entry at a few of them."""
         spec, model, sizes = self._sides([self._random(rng) for _ in range(count)])
         largest = np.where(sizes > 0.0, sizes, 1.0)[:, None]
         shares = (np.abs(spec - model) / largest).max(axis=0)

@@ -59,7 +59,7 @@ def drifts(setup: Setup) -> list[str]:
 
 
 def drift_step(setup: Setup, more_frames: str, drifts: Sequence[str]) -> str:
-    """Advice on equalities that drift open, of which :func:`drifts` tells."""
+    """Advice on equalities that drift open, as found by :func:`drifts`."""
     fast = float(f"{0.5 / np.diff(setup.solution.time).max():.1g}")
     frames = f"take more frames: {more_frames}" if more_frames else "take more frames"
     if not any(line.endswith(_ONLY_RATES) for line in drifts):

@@ -119,7 +119,7 @@ class Certificate:
 
     @property
     def _drifts(self) -> list[str]:
-        """Which equalities drift open, where one is broken."""
+        """The equalities that drift open, if one of them is broken."""
         broken = any(m.name.startswith("equality broken") and m.verdict == "fail" for m in self.metrics)
         return causes.drifts(self.replays.setup) if broken else []
 
