@@ -408,7 +408,9 @@ class Data:
         if time is None:
             hint = "make a function of it under `data:`, as in " + _example(data, name)
             hint += f"; or give the data a column `{TIME}`, in seconds, and it is one of time"
-            self.diagnostics.error(f"`{path.name}` is a column of numbers", path.start, path.end, hint)
+            self.diagnostics.error(
+                f"`{path.name}` is a column of numbers, not a function", path.start, path.end, hint
+            )
             return None
         of_time = syntax.Name(path.start, path.end, f"{data.name}.{TIME}"), (data, TIME, time)
         if values.shape != time.shape or time.ndim != 1:
