@@ -9,7 +9,6 @@ from stc.cli import guard, record
 from stc.cli.statuses import BAD
 from stc.errors import EvaluationError, SpecError, StcError
 
-
 #: Said where the time limit ends a command that has not begun to solve.
 BEFORE_THE_SOLVE = (
     "the time limit was reached before the solve began, so that there is nothing to save: reading a spec, deriving its "
