@@ -370,7 +370,7 @@ class _Ends:
 
 
 def _travel(mechanism: Mechanism) -> dict[int, tuple[int, float]]:
-    """By the world's axis the place in ``qpos`` of the root's coordinate along it, and its direction."""
+    """For each axis along which the root moves, the index of its coordinate in ``qpos`` and its direction."""
     found: dict[int, tuple[int, float]] = {}
     for joint in mechanism.joints:
         body = mechanism.bodies[joint.body]

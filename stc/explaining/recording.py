@@ -243,7 +243,7 @@ def _quaternions(mechanism: Mechanism) -> list[slice]:
 
 
 def _continuous(path: Path, quaternions: FloatArray) -> FloatArray:
-    """(k, 4) the same of length one, each with the sign that is nearer to the one before."""
+    """(k, 4) the quaternions with length one, each with the sign that is nearer to the one before."""
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if np.any(np.abs(lengths - 1.0) > 0.1):
         raise UsageError(f"{path}: its quaternions are not of length one")

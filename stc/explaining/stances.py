@@ -103,7 +103,7 @@ def contacts(recording: Recording, n: int) -> list[Contact]:
 def _spans(
     times: FloatArray, path: FloatArray, rests: NDArray[np.bool_], near: NDArray[np.bool_]
 ) -> list[tuple[float, float]]:
-    """From when to when a place stands: about the instants at which it rests, until it has left from there.
+    """The first and last times of each stance of a point: around the instants of rest, until it leaves.
 
     Parameters
     ----------

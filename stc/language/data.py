@@ -433,7 +433,7 @@ class Data:
         return curve, weight, len(runs) > 1
 
     def weight_of(self, ref: TableRef) -> tuple[TableRef, bool]:
-        """For a function of time, the function that is 1 where it has numbers, and whether there are gaps."""
+        """The function of time that is 1 where a column has numbers and 0 in its gaps, and whether there are gaps."""
         for found in self._references.values():
             if found is not None and found[0] == ref.base:
                 return found[1], found[2]

@@ -68,7 +68,7 @@ def by_penalty(
 
 
 def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
-    """The results of passes with growing weights, each from where the one before has led."""
+    """The results of passes with growing weights, each from the result of the one before."""
     last = weight / ACCEPTABLE
     while weight <= last:
         result = passes.penalised(weight, start)
@@ -100,7 +100,7 @@ class _Passes:
         return self._as_of(passed, program.all_multipliers(passed.row_multipliers))
 
     def held(self, result: Result) -> Result:
-        """From a point where pairs are nearly complementary, with the smaller side of each held at nothing."""
+        """Solve from a point where pairs are nearly complementary, with the smaller side of each pair fixed at zero."""
         nlp, pairs = self.nlp, self.pairs
         spare = pairs.spare(nlp, result.x, nlp.values(result.x)[1])
         which = spare.argmin(axis=1)

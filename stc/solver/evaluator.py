@@ -101,7 +101,7 @@ class Part:
 
     @classmethod
     def of(cls, nlp: NLP, x: Floats, variables: Mask, rows: Mask) -> Part:
-        """These variables (n,) and rows (m,) of a program, the other variables as in ``x`` (n,)."""
+        """The part of a program with these variables (n,) and rows (m,); other variables are fixed at ``x`` (n,)."""
         new_col = (np.cumsum(variables) - 1).astype(np.int32)
         new_row = (np.cumsum(rows) - 1).astype(np.int32)
         jac = _which(rows[nlp.jac_rows] & variables[nlp.jac_cols])

@@ -22,7 +22,7 @@ LARGEST = 5_000_000
 
 
 def same(a: Floats, b: Floats) -> bool:
-    """Whether two arrays of one length have the same entries; nobody changes them."""
+    """Whether two arrays of one length have the same entries. They must not be changed later."""
     return a is b or bool((a == b).all())
 
 

@@ -139,7 +139,10 @@ class Reduced:
         return told
 
     def restored(self, result: Result, options: Options) -> Result | None:
-        """A result of this program as one of the whole, judged as such; None where an optimum does not stand that."""
+        """A result of this program extended to the whole program and assessed there.
+
+        None if an optimal result is not optimal for the whole program.
+        """
         weight = 0.0 if result.status is Status.INFEASIBLE else 1.0
         x, y = self._whole_point(result, weight)
         judged = assess(self.whole, x, y)

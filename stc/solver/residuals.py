@@ -95,7 +95,7 @@ def holds(nlp: NLP, x: Floats, judged: Assessment, options: Options) -> bool:
 
 
 def is_met_but_for_rounding(nlp: NLP, x: Floats, tolerance: float) -> bool:
-    """Whether all rows and bounds are met at ``x`` (n,) within ``tolerance``, or rows as far as they can be told.
+    """Whether all rows and bounds are met at ``x`` (n,) within ``tolerance``, or for rows to within rounding.
 
     A row of terms ``J_ri x_i`` changes by a unit in the last place of the largest of them from one point that can be
     written down to the next: none of these may be nearer.

@@ -65,7 +65,8 @@ class Acceptance:
 def meet_rows(
     form: ScaledProblem, it: Iterate, mu: float, tolerance: float, solve: Callable[..., Outcome]
 ) -> tuple[End | None, Outcome]:
-    """Move ``it`` to where the rows are met, or violated least as far as can be told, the objective left aside.
+    """Move the iterate ``it`` to a point that satisfies the rows, or violates them least nearby, without regard to the
+    objective.
 
     Args:
         mu: the barrier parameter, which says how much it counts to stay near ``it``.

@@ -22,7 +22,7 @@ INSTANTS = 81
 
 
 def scene_of(session: Session) -> dict[str, Any]:
-    """The surfaces of the model, what can be dragged and turned: what the page is told once."""
+    """The part of the scene that is sent to the page once: surfaces of the model, handles and sliders."""
     import mujoco
 
     setup = session.shown()

@@ -1,4 +1,4 @@
-"""The verdict of MuJoCo on the motion on show, found in a process of its own while nobody steers."""
+"""Validates the motion on show in MuJoCo, in a separate process, while nothing is dragged."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ class Balls:
         self.timeline.cover(float(solution.time[0]), float(solution.time[-1]))
 
     def look(self, data: mujoco.MjData, now: float, passed: float) -> None:
-        """Take what the watcher has moved, and put everything where it is to be seen.
+        """Read which balls the user has moved, and place the bodies and balls for the next picture.
 
         Args:
             data: of the model with the balls.

@@ -179,7 +179,7 @@ class Session:
 
     @property
     def message(self) -> str:
-        """Why the motion on show is not the one that was asked for; empty where it is, or may still become so."""
+        """Why the motion on show is not the requested one; empty if it is, or if a solve is under way."""
         outcome = self._tweaks.outcome
         if outcome is None or not outcome.message or not self._tweaks.refused:
             return ""
@@ -345,7 +345,7 @@ class Session:
         self._tweaks.restore(solution)
 
     def wait(self, seconds: float = 60.0) -> bool:
-        """Wait until no change is open, and what is dragged has come to its place; whether that came about in time."""
+        """Wait until all changes are solved and dragged handles are at their targets; returns whether they are."""
         end = time.monotonic() + seconds
         while self._tweaks.wait(max(0.0, end - time.monotonic())):
             self.follow()

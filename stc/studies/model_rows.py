@@ -163,7 +163,7 @@ class _Rows:
         return ModelState(q, v, a, u, z, rng.uniform(-_FORCE, _FORCE, len(self.outer)))
 
     def _still(self, state: ModelState) -> ModelState:
-        """At rest, without forces."""
+        """A state at rest without forces."""
         return ModelState(state.q, *(np.zeros_like(x) for x in (state.v, state.a, state.u, state.z, state.f)))
 
     def _sides(self, states: Sequence[ModelState]) -> tuple[FloatArray, FloatArray, FloatArray]:

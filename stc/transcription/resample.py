@@ -93,7 +93,7 @@ class _Weights:
 
     @classmethod
     def of(cls, nodes: Nodes, n: int) -> _Weights:
-        """By the trapezoid rule, or Simpson's where there are midpoints, in a motion of n steps."""
+        """The weights of the trapezoid rule, or of Simpson's rule with midpoints, in a motion of n steps."""
         frame, middle = nodes.frame, nodes.is_midpoint
         edge = 1.0 / 6.0 if middle.any() else 0.5
         return cls(

@@ -103,7 +103,7 @@ def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
 
 
 def steps(setup: Setup, touching: Sequence[Touch] = ()) -> list[str]:
-    """Advice for these findings, one line each.
+    """Advice on the causes found in the solved motion, one line each.
 
     Args:
         setup: the motion.

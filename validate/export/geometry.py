@@ -96,7 +96,7 @@ class Look:
 
 
 def shown_geoms(model: mujoco.MjModel) -> Iterator[tuple[int, Look]]:
-    """The geoms that MuJoCo shows unless told otherwise, with their looks."""
+    """The geoms that MuJoCo shows by default, with their looks."""
     for geom in range(model.ngeom):
         look = _look(model, geom)
         if model.geom_group[geom] < _SHOWN_GROUPS and look.rgba[3] > 0.0:
