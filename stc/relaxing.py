@@ -76,7 +76,7 @@ def brought_down(solve: Solve, last: float, options: Options, start: Start | Non
 def _walked(
     solve: Solve, by: Sequence[float], options: Options, most: int, start: Start | None
 ) -> tuple[Result, bool]:
-    """Solve for some values in turn, each from the solution before. Returns the last result, and whether a limit ended the series.
+    """Solve for some values in turn, each from the solution before. Returns the last result and if a limit ended it.
 
     Parameters
     ----------
