@@ -11,12 +11,15 @@ from __future__ import annotations
 import csv
 import math
 import re
+import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc import npz
 from stc.errors import UsageError
 from stc.language.model.scope import Coordinates, coordinates_of
 from stc.mechanism.mechanism import Mechanism
@@ -202,12 +205,17 @@ def _columns(path: Path) -> dict[str, tuple[str, FloatArray]]:
     UsageError
         The file cannot be read.
     """
+    if not path.is_file():
+        raise UsageError(f"there is no file `{path}`")
     if path.suffix.lower() == ".npz":
         try:
-            with np.load(path) as archive:
-                return {name: ("", np.asarray(archive[name], dtype=float)) for name in archive.files}
-        except (OSError, ValueError) as error:
+            arrays = npz.load(path, compressed=True)
+            return {name: ("", np.asarray(values, dtype=float)) for name, values in arrays.items()}
+        except npz.ContentsError as error:
             raise UsageError(f"{path} cannot be read as an archive of numbers: {error}") from None
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+            why = "it was cut off, or is no .npz file" if path.stat().st_size else "it is empty"
+            raise UsageError(f"{path} cannot be read as an archive of numbers: {why}") from None
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             lines = [line for line in stream if line.strip() and not line.startswith("#")]
@@ -215,7 +223,10 @@ def _columns(path: Path) -> dict[str, tuple[str, FloatArray]]:
         raise UsageError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not lines:
         raise UsageError(f"{path} is empty")
-    header, *rows = csv.reader(lines, delimiter=max(",;\t", key=lines[0].count))
+    try:
+        header, *rows = csv.reader(lines, delimiter=max(",;\t", key=lines[0].count))
+    except csv.Error as error:
+        raise UsageError(f"{path} is not a table: {error}") from None
     found: dict[str, tuple[str, FloatArray]] = {}
     for k, title in enumerate(header):
         match = re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", title)
