@@ -266,7 +266,7 @@ def test_the_rate_of_turning_of_a_free_body_is_that_of_mujoco(tmp_path: Path) ->
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 and no more", bytes(range(256)) * 40])
 @pytest.mark.parametrize("name", ["walk.npz", "walk.csv"])
-def test_a_file_that_holds_no_motion_is_refused(tmp_path, name, content):
+def test_a_file_that_holds_no_motion_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(UsageError, match=name):
-        explain(tmp_path / name, "cart_pole.xml")
+        read_recording(tmp_path / name, read_model(models.locate("cart_pole.xml")))
