@@ -77,7 +77,7 @@ def brought_down(solve: Solve, last: float, options: Options, start: Start | Non
 def _walked(
     solve: Solve, by: Sequence[float], options: Options, most: int, start: Start | None
 ) -> tuple[Result, bool]:
-    """The result of the last of some values, each solved from the one before, and whether a limit ended it.
+    """Solve for some values in turn, each from the solution before. Returns the last result and if a limit ended it.
 
     Parameters
     ----------

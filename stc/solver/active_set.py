@@ -105,7 +105,7 @@ def bends_upwards(form: ScaledProblem) -> bool:
 
 
 def _pair_of(form: ScaledProblem) -> ProjectionPair:
-    """Where the form's points are evaluated."""
+    """The pair of points at which the functions of the form are evaluated; made on first use."""
     if form.projections is None:
         form.projections = ProjectionPair(form)
     return form.projections
@@ -155,7 +155,8 @@ def _balancing(form: ScaledProblem, jac: Floats, free: Mask, active: Mask) -> Ca
 
 
 def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:
-    """Row multipliers (m,) that make the Lagrangian's gradient smallest at a point ``x`` (n,) that came without.
+    """Row multipliers (m,) that make the Lagrangian's gradient smallest at a point ``x`` (n,) given without
+    multipliers.
 
     All rows and bounds that hold with equality there count at first; then those are left out, all at once, whose
     multipliers would have to pull the wrong way, until none has to.

@@ -47,7 +47,7 @@ NEARBY = 0.1
 
 
 def _is_small(x: Floats) -> Mask:
-    """Where a variable is smaller than usual, but not 0, (n,)."""
+    """(n,) whether a variable is smaller than usual, but not 0."""
     magnitude = np.abs(x)
     return (magnitude > 0.0) & (magnitude < ORDINARY[0])
 

@@ -36,7 +36,7 @@ def row_bends(program: Program, numbers: Numbers) -> NDArray[np.int8]:
 
 
 def _bends(group: Group, row: int, numbers: Numbers) -> NDArray[np.int8]:
-    """Of a row at all nodes of its group, (nodes,)."""
+    """(nodes,) for one row at each node of its group: 1 if it is convex, -1 if it is concave, 0 if neither is known."""
     entries = hessian(group.rows[row].body, group.unknown)
     if any(mentions(e, lambda key: isinstance(key, VariableRef | ParameterRef)) for e in entries.values()):
         return np.zeros(group.size, np.int8)

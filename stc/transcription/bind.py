@@ -329,7 +329,7 @@ class BoundProgram:
             self.x_upper = np.where(self._idle, x0, self.x_upper)
 
     def started(self, x0: FloatArray) -> BoundProgram:
-        """The same program with another start, (n,); the two must not be evaluated at the same time."""
+        """This program with another start, (n,); the two must not be evaluated at the same time."""
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__)
         other._start_at(x0)
@@ -371,7 +371,7 @@ class BoundProgram:
         return evaluator(self, scaling)
 
     def part_evaluator(self, scaling: Scaling, part: Part) -> Evaluator:
-        """The same for a part of the variables and rows."""
+        """An evaluator for a part of the variables and rows."""
         return evaluator(self, scaling, part)
 
     def as_stated(self) -> Evaluator:

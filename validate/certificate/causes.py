@@ -59,7 +59,7 @@ def drifts(setup: Setup) -> list[str]:
 
 
 def drift_step(setup: Setup, more_frames: str, drifts: Sequence[str]) -> str:
-    """Advice on equalities that drift open, of which :func:`drifts` tells."""
+    """Advice on equalities that drift open, as found by :func:`drifts`."""
     fast = float(f"{0.5 / np.diff(setup.solution.time).max():.1g}")
     frames = f"take more frames: {more_frames}" if more_frames else "take more frames"
     if not any(line.endswith(_ONLY_RATES) for line in drifts):
@@ -103,7 +103,7 @@ def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
 
 
 def steps(setup: Setup, touching: Sequence[Touch] = ()) -> list[str]:
-    """Advice for these findings, one line each.
+    """Advice on the causes found in the solved motion, one line each.
 
     Args:
         setup: the motion.
