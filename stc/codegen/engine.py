@@ -178,7 +178,7 @@ def compile_ir(ir: str, level: int) -> bytes:
         module = llvm.parse_assembly(ir, llvm.create_context())
         module.triple = llvm.get_process_triple()
         module.data_layout = str(machine.target_data)
-        made = bytes(machine.emit_object(module))
+    made = _emitted(machine, module)
     if not (sys.platform == "linux" and is_x86()):
         return made
     text = b""
@@ -190,6 +190,23 @@ def compile_ir(ir: str, level: int) -> bytes:
             elif name.startswith((b".rela.text", b".rodata", b".data", b".bss")):
                 return made
     return _MAGIC + text
+
+
+def _emitted(machine: Any, module: Any) -> bytes:
+    """Object code; past the lock of llvmlite where it can be had, so that two threads can be at it."""
+    from llvmlite.binding import ffi
+
+    entry = getattr(ffi.lib.LLVMPY_TargetMachineEmitToMemory, "_cfn", None)
+    if entry is None:  # another version
+        return bytes(machine.emit_object(module))
+    with ffi.OutputString() as message:
+        memory = entry(machine, module, 1, message)
+        if not memory:
+            raise RuntimeError(str(message))
+    try:
+        return ctypes.string_at(ffi.lib.LLVMPY_GetBufferStart(memory), ffi.lib.LLVMPY_GetBufferSize(memory))
+    finally:
+        ffi.lib.LLVMPY_DisposeMemoryBuffer(memory)
 
 
 class Code:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen import cache as object_cache
-from stc.codegen import engine
+from stc.codegen import engine, threads
 from stc.codegen.engine import LANES
 from stc.codegen.interpreter import CHUNK, Instructions, assemble
 from stc.codegen.runs import RUN, Runs
@@ -64,29 +64,28 @@ class Kernel:
         """Whether there is machine code, or none is needed."""
         return self._code is not None or not self.tape.outputs
 
-    def provide(self, key: str | None, level: int, *, wanted: bool) -> bool:
-        """Adopt machine code; prepared calls that go through instructions take to it as well.
+    def find(self, key: str) -> None:
+        """Adopt machine code that is kept, if there is some."""
+        code = engine.kept(key, "kernel")
+        if code is not None:
+            self._adopt(code)
+
+    def compile(self, key: str | None, level: int) -> None:
+        """Make machine code; prepared calls that go through instructions take to it as well.
 
         Args:
-            key: where it is kept, None where it is not.
+            key: where to keep it, None for nowhere.
             level: effort of code generation.
-            wanted: False does not compile where nothing is kept.
-
-        Returns:
-            Whether it was compiled.
         """
-        code = None if key is None else engine.kept(key, "kernel")
-        compiles = code is None and wanted and _fits_the_stack(self.tape)
-        if compiles:
-            made = engine.compile_ir(_own_ir(self.tape, self.runs), level)
-            if key is not None:
-                object_cache.store(key, made)
-            code = engine.load(made, "kernel")
-        if code is not None:
-            self._code = code
-            self._entry = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(code.address)
-            self._takes_over[0] = code.address
-        return compiles
+        made = engine.compile_ir(_own_ir(self.tape, self.runs), level)
+        if key is not None:
+            object_cache.store(key, made)
+        self._adopt(engine.load(made, "kernel"))
+
+    def _adopt(self, code: engine.Code) -> None:
+        self._code = code
+        self._entry = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(code.address)
+        self._takes_over[0] = code.address
 
     def __call__(self, *arrays: NDArray[Any]) -> None:
         """Evaluate all blocks: what :meth:`bind` prepares, called once."""
@@ -210,16 +209,35 @@ class KernelSet:
         """Machine code for all kernels, as far as it is kept or ``wanted``."""
         started = time.perf_counter()
         level = effort(self.tapes)
-        described = f"width {engine.vector_width()} level {level}"
-        self.cached = True
+        described = "kernel", engine.fingerprint(), f"width {engine.vector_width()} level {level}"
+        missing: list[tuple[Kernel, str | None]] = []
         for kernel in self:
+            if kernel.is_compiled:
+                continue
+            key = None
+            if self._cache:
+                key = object_cache.key_of(*described, kernel.tape.digest(), kernel.runs.digest())
+                kernel.find(key)
             if not kernel.is_compiled:
-                parts = engine.fingerprint(), described, kernel.tape.digest(), kernel.runs.digest()
-                key = object_cache.key_of("kernel", *parts) if self._cache else None
-                self.cached &= not kernel.provide(key, level, wanted=wanted)
-        self.interpreted = not wanted and not all(kernel.is_compiled for kernel in self)
-        self.cached &= all(kernel.is_compiled for kernel in self)
+                missing.append((kernel, key))
+        if missing and wanted:
+            self._compile_all([each for each in missing if _fits_the_stack(each[0].tape)], level)
+        self.cached = not missing
+        self.interpreted = bool(missing) and not wanted
         self.seconds += time.perf_counter() - started
+
+    def _compile_all(self, missing: list[tuple[Kernel, str | None]], level: int) -> None:
+        """The longest first, by two threads where that is allowed."""
+        missing.sort(key=lambda each: -len(each[0].tape.ops))
+        if threads.allowed() == 1 or len(missing) < 2:
+            for kernel, key in missing:
+                kernel.compile(key, level)
+            return
+        from concurrent.futures import ThreadPoolExecutor  # takes longer to import than to find what is kept
+
+        with ThreadPoolExecutor(threads.allowed()) as pool:
+            for _ in pool.map(lambda each: each[0].compile(each[1], level), missing):
+                pass
 
     def bind(
         self,
