@@ -35,6 +35,9 @@ _PART: Final = 128
 #: Bytes of memory that come together.
 _LINE: Final = 64
 
+#: Kernels with fewer runs of inputs have those of several vectors fetched by one call.
+_FETCHED: Final = 16
+
 #: What the argument begins with.
 _ARGUMENTS: Final = ("workspace", "uniform", "index", "out", "kept", "literals", "functions")
 
@@ -202,15 +205,11 @@ class _Kernel:
         f, size = self.vector.f, self.vector.size
         memory = {
             "shared": len(self.shared),
-            "inputs": RUN * self.runs.count,
+            "fetched": RUN * self.runs.count * self._vectors,
             "homes": self.residency.places,
             "from": TOGETHER,
             "to": 2 * TOGETHER,
         }
-        fetching: list[str] = []
-        if self.runs.count:
-            arguments = f"ptr %call, i64 %number, ptr %inputs, i64 {len(self.groups)}"
-            Vector(fetching, self.width, 0, "f").call("fetch", arguments)
         lines = [
             self.vector.declarations()
             + "declare void @llvm.prefetch.p0(ptr, i32 immarg, i32 immarg, i32 immarg)",
@@ -232,8 +231,7 @@ class _Kernel:
                 "block:",
                 f"  %number = phi i64 [ 0, %once ], [ %following, %{self.last_part} ]",
                 *[line for group in self.groups for line in self._block_pointers(group)],
-                *fetching,
-                "  br label %compute",
+                *self._fetching(),
                 "compute:",
                 *self.body,
                 f"  %following = add i64 %number, {len(self.groups)}",
@@ -245,6 +243,27 @@ class _Kernel:
                 "",
             ]
         )
+
+    @property
+    def _vectors(self) -> int:
+        """The inputs of so many vectors are fetched together: a power of two."""
+        return 1 << max((_FETCHED // max(self.runs.count, 1)).bit_length() - 1, 0)
+
+    def _fetching(self) -> list[str]:
+        """Where inputs are; they are fetched for the first of some vectors."""
+        if not self.runs.count:
+            return ["  br label %compute"]
+        lines: list[str] = []
+        vector = Vector(lines, self.width, 0, "f")
+        number = vector.let(f"udiv i64 %number, {len(self.groups)}")
+        within = vector.let(f"and i64 {number}, {self._vectors - 1}")
+        skipped = vector.let(f"mul i64 {within}, {vector.size * RUN * self.runs.count}")
+        lines.append(f"  %inputs = getelementptr inbounds i8, ptr %fetched, i64 {skipped}")
+        due = vector.let(f"icmp eq i64 {within}, 0")
+        lines += [f"  br i1 {due}, label %fetch, label %compute", "fetch:"]
+        counts = f"i64 {len(self.groups)}, i64 {self._vectors}"
+        vector.call("fetch", f"ptr %call, i64 %number, ptr %fetched, {counts}")
+        return [*lines, "  br label %compute"]
 
     def _block_pointers(self, group: int) -> list[str]:
         """Where the outputs of a block begin; of the last one for a partner that is missing."""

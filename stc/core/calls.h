@@ -100,7 +100,7 @@ API int64_t tape_run(tape_call *c);
 API const char *tape_instructions(void);
 /* By the number of an instruction, what machine code calls for it; NULL for most.  For functions, powers and "sincos"
  * that is a function (from, to, count): count operands, then as many second ones; count results, then as many second
- * ones.  For "fetch" it is (tape_call *, block, to, blocks): all inputs of one block or of two beside each other. */
+ * ones.  For "fetch" it is (tape_call *, block, to, each, vectors): all inputs of some vectors of one or two blocks each. */
 API const void *const *tape_functions(void);
 
 #endif

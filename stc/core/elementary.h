@@ -66,6 +66,9 @@ static inline lanes root_of(lanes x) {
 }
 
 static inline lanes select_of(masks where, lanes yes, lanes no) {
+#if defined(__AVX__) && !defined(__AVX512F__)
+    return (lanes)_mm256_blendv_pd((__m256d)no, (__m256d)yes, (__m256d)where);
+#endif
     return (lanes)((where & (masks)yes) | (~where & (masks)no));
 }
 
@@ -138,7 +141,7 @@ static inline void sine_cosine(lanes x, lanes *sine, lanes *cosine) {
     words turns = (words)shifted; /* the whole number in its low bits */
     for (int k = 0; k < (int)(sizeof half_pi / sizeof half_pi[0]); k++) r = fma_of(quarters, all_of(-half_pi[k]), r);
     lanes z = r * r, s = fma_of(z * r, POLYNOMIAL(z, sine_terms), r), c = POLYNOMIAL(z, cosine_terms);
-    masks odd = (turns & 1) != 0;
+    masks odd = (masks)(0 - (turns & 1));
     *sine = flip_of(select_of(odd, c, s), (turns << 62) & TOP);
     *cosine = flip_of(select_of(odd, s, c), ((turns + 1) << 62) & TOP);
 }

@@ -68,17 +68,22 @@ static void spread(double *row, double x) {
     }
 FUNCTIONS(APPLIED)
 
+/* From the end, since a vector may reach beyond: what it leaves there is overwritten. */
 static void sincos_applied(const double *a, double *d, int64_t count) {
-    EACH sine_cosine(A, &D, (lanes *)(d + count + k));
+    for (int64_t k = (count - 1) / LANES * LANES; k >= 0; k -= LANES) sine_cosine(A, &D, (lanes *)(d + count + k));
 }
 
-/* All runs of inputs of a block, or of two beside each other; of the last one twice where it is one of two. */
-static void fetch_applied(const tape_call *t, int64_t block, double *to, int64_t blocks) {
-    for (int64_t part = 0; part < blocks; part++) {
-        const int64_t its = block + part < t->blocks ? block + part : block;
-        const int32_t *index = t->index + its * t->index_stride, *end = index + t->index_stride;
-        for (double *run = to + BLOCK * part; index < end; index += BLOCK, run += RUN * BLOCK * blocks)
-            fetch(t->workspace, index, run, BLOCK * blocks);
+/* All runs of inputs of some vectors, each of one block or of two beside each other; the last block stands in for one
+ * that is missing. */
+static void fetch_applied(const tape_call *t, int64_t block, double *to, int64_t each, int64_t vectors) {
+    for (const int64_t end = block + each * vectors; block < end && block < t->blocks; block += each) {
+        for (int64_t part = 0; part < each; part++) {
+            const int64_t its = block + part < t->blocks ? block + part : block;
+            const int32_t *index = t->index + its * t->index_stride, *last = index + t->index_stride;
+            for (double *run = to + BLOCK * part; index < last; index += BLOCK, run += RUN * BLOCK * each)
+                fetch(t->workspace, index, run, BLOCK * each);
+        }
+        to += RUN * each * t->index_stride;
     }
 }
 
