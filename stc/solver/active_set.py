@@ -106,9 +106,7 @@ def bends_upwards(form: ScaledProblem) -> bool:
 
 def _pair_of(form: ScaledProblem) -> ProjectionPair:
     """The pair of points at which the functions of the form are evaluated; made on first use."""
-    if form.projections is None:
-        form.projections = ProjectionPair(form)
-    return form.projections
+    return form.keep(ProjectionPair)
 
 
 class Finish:

@@ -120,7 +120,5 @@ def returned(
 
 
 def elastic_of(base: ScaledProblem) -> ElasticProblem:
-    """The elastic form of a problem."""
-    if base.elastic is None:
-        base.elastic = ElasticProblem(base, price=1.0)
-    return base.elastic
+    """The elastic form of a problem, for one restoration at a time."""
+    return base.keep(ElasticProblem)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,7 @@ from stc.symbolic.differentiate import hessian
 from stc.symbolic.structure import LINEAR, QUADRATIC, mentions
 from stc.transcription.assemble import Program
 from stc.transcription.derive import Group
-
-if TYPE_CHECKING:
-    from stc.transcription.bind import Numbers
+from stc.transcription.numbers import Numbers
 
 #: Eigenvalues this small, relative to the largest, are rounding errors.
 ROUNDING: Final = 1e-12
