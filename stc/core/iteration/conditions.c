@@ -239,7 +239,7 @@ void conditions_restricted_diagonals(primal_dual *p, double shift_x, double shif
         primal[i] = p->active_x[i] == 0.0 ? shift_x : nlp->held[i] != 0.0 ? 1.0 : firm;
     for (int64_t k = 0; k < nlp->m; k++) {
         double active = nlp->equality[k] != 0.0 ? shift_y : nanmax(NOTHING, shift_y);
-        dual[k] = p->active_rows[k] == 0.0 ? 1.0 / NOTHING : active;
+        dual[k] = p->active_rows[k] == 0.0 ? 1.0 / (NOTHING * NOTHING) : active;
     }
 }
 
