@@ -273,30 +273,6 @@ double conditions_respond(const primal_dual *p, const double *restrict d, const 
     return check;
 }
 
-int64_t conditions_better_signs(int64_t count, double slack, const int32_t *active,
-                                const double *equal, const double *move,
-                                const double *multiplier, const double *low,
-                                const double *high, int32_t *out) {
-    int64_t different = 0;
-    for (int64_t k = 0; k < count; k++) {
-        int64_t now = active[k];
-        int64_t new = 0;
-        if (equal[k] == 0.0) {
-            if (now > 0)
-                new = multiplier[k] >= -slack ? now : 0;
-            else if (now < 0)
-                new = multiplier[k] <= slack ? now : 0;
-            else if (move[k] > high[k] + slack)
-                new = !(move[k] < low[k] - slack) ? 1 : 0;
-            else if (move[k] < low[k] - slack)
-                new = -1;
-        }
-        out[k] = (int32_t)new;
-        different += new != now;
-    }
-    return different;
-}
-
 void conditions_remain(primal_dual *p) {
     int64_t n = p->nlp->n;
     double *rhs = p->kkt->rhs;
