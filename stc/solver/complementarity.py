@@ -166,10 +166,11 @@ class _Passes:
 
 
 def _first_weight(nlp: NLP, pairs: Pairs, start: Start) -> float:
-    """The first weight of the penalty: the largest multiplier of a product in an earlier solution. Without one, the
-    weight
-    for which the gradients of penalty and objective are equally large a little way off the start, where neither is flat
-    by chance."""
+    """The first weight of the penalty.
+
+    That is the largest multiplier of a product in an earlier solution. Without one, it is the weight for which the
+    gradients of penalty and objective are equally large a little way off the start, where neither is flat by chance.
+    """
     if start.row_multipliers is not None:
         known = float(np.abs(start.row_multipliers[pairs.product]).max(initial=0.0))
         if known > 0.0:
