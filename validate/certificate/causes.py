@@ -64,9 +64,10 @@ def drift_step(setup: Setup, more_frames: str, drifts: Sequence[str]) -> str:
     frames = f"take more frames: {more_frames}" if more_frames else "take more frames"
     if not any(line.endswith(_ONLY_RATES) for line in drifts):
         return frames
+    # With more frames the solver may find another motion, which drifts elsewhere.
     return (
-        f"{frames}; or constrain the position too: for a condition g = 0, write g'' + {2.0 * fast:g}*g' + "
-        f"{fast**2:g}*g = 0 in place of g'' = 0"
+        f"constrain the position too: for a condition g = 0, write g'' + {2.0 * fast:g}*g' + {fast**2:g}*g = 0 in "
+        f"place of g'' = 0; or {frames}, which closes the loop as long as the motion remains the same"
     )
 
 
