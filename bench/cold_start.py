@@ -26,7 +26,7 @@ REPLACEMENTS = {
         "import types, stc.cli; stc.cli.plain = sys.modules['stc.cli.plain'] = types.ModuleType('stc.cli.plain');"
         "stc.cli.plain.read = lambda words: None"
     ),
-    "codegen/image: llvmlite imported and its target started, no more": (
+    "codegen/engine: llvmlite imported and its target started, no more": (
         "import llvmlite.binding as llvm; llvm.initialize_native_target(); llvm.initialize_native_asmprinter();"
         "llvm.Target.from_default_triple().create_target_machine()"
     ),

@@ -35,9 +35,9 @@ def machine() -> str:
         found = re.search(r"model name\s*:\s*(.*)", info.read_text(encoding="utf-8"))
         name = found.group(1) if found else name
     try:
-        from stc.codegen import engine
+        import llvmlite.binding as llvm
 
-        name = f"{name} ({engine.host().cpu})"
+        name = f"{name} ({llvm.get_host_cpu_name()})"
     except ImportError:
         pass
     busy = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""

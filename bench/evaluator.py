@@ -30,6 +30,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 from rod_chain import Stencil, casadi_function, stencil
@@ -216,8 +217,8 @@ done:
   ret i64 %s64
 }}
 """
-    loaded = engine.load_object(engine.compile_ir(ir, level=1, optimise=False), ["run"])
-    run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(loaded.address("run"))
+    loaded = engine.load(engine.compile_ir(ir, level=1), "run")
+    run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(loaded.address)
     return min(timed(lambda: run(2000, 3), 3) for _ in range(30)) / (2000 * 64) * 1e9
 
 
@@ -311,7 +312,7 @@ def main() -> None:
     figures: dict[str, Any] = {
         "rods": options.rods,
         "frames": options.frames,
-        "cpu": engine.host().cpu,
+        "cpu": llvm.get_host_cpu_name(),
         "vector_width": engine.vector_width(),
         "derive_ms": derive_seconds * 1e3,
         "cycle_ns": clock_cycle(),

@@ -86,11 +86,11 @@ def text_of(name: str) -> str:
 
 def measure(name: str) -> dict[str, float]:
     """Seconds of this process's processor time for each stage, and operations per node."""
+    import llvmlite.binding  # noqa: F401 -- importing LLVM is no part of compiling
+
     import stc
-    from stc.codegen import engine
     from stc.pipeline import transcribe
 
-    engine.llvm_wanted()  # importing LLVM is no part of compiling
     marks = [time.process_time()]
     model = stc.load(text_of(name))
     problem = model.problem()

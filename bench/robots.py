@@ -5,6 +5,10 @@
 
 A perturbed motion has the mass of every body, with its inertia, and every duration, distance and speed of the spec
 times a random number between 0.9 and 1.1.  Each is solved from its own guess.  Processor time of the solve alone.
+
+    python bench/robots.py quadruped_hop --again        solved again from its solution, after one change at a time
+
+There the masses are changed, or one duration, distance or speed, in turn.
 """
 
 from __future__ import annotations
@@ -66,12 +70,54 @@ def perturbed(constants: dict[str, float], rng: np.random.Generator) -> dict[str
     return found
 
 
-def solve(model: stc.Model, constants: dict[str, float], time_limit: float) -> Ending:
-    """One solve from the spec's own guess, everything derived and compiled before."""
+def in_turn(constants: dict[str, float], k: int, rng: np.random.Generator) -> dict[str, float]:
+    """One change, the k-th: other masses, or another value of one of the motion's constants, in turn."""
+    found = perturbed(constants, rng)
+    of_motion = [name for name in found if name in OF_THE_MOTION]
+    masses = [name for name in found if name not in OF_THE_MOTION]
+    kinds = [[name] for name in of_motion] + ([masses] if masses else [])
+    return {name: found[name] for name in kinds[k % len(kinds)]}
+
+
+def solve(
+    model: stc.Model, constants: dict[str, float], time_limit: float, earlier: stc.Solution | None = None
+) -> tuple[stc.Solution, float]:
+    """One solve from the spec's own guess or an earlier solution, and its processor time in seconds; everything is
+    derived and compiled before.
+    """
     model.prepare(**constants)
     begin = time.process_time()
-    solution = model.solve(constants=constants, callback=lambda _: time.process_time() - begin > time_limit)
-    return Ending(solution.status, solution.objective, solution.iterations, time.process_time() - begin)
+    solution = model.solve(
+        constants=constants,
+        warm_start=earlier,
+        callback=lambda _: time.process_time() - begin > time_limit,
+    )
+    return solution, time.process_time() - begin
+
+
+def ending(solution: stc.Solution, seconds: float) -> Ending:
+    """How a solve ended."""
+    return Ending(solution.status, solution.objective, solution.iterations, seconds)
+
+
+def again(model: stc.Model, name: str, options: argparse.Namespace) -> None:
+    """Solve a motion anew from its solution after each change; a line for each, and medians."""
+    constants = dict(model.problem().constants)
+    own = solve(model, {}, options.time_limit)[0]
+    found = []
+    for k in range(options.each):
+        given = in_turn(constants, k, np.random.default_rng([options.seed, k]))
+        found.append(ending(*solve(model, given, options.time_limit, own)))
+        if options.list:
+            changed = next(
+                (f"{c} {constants[c]:g} to {given[c]:.4g}" for c in given if len(given) == 1), "masses"
+            )
+            print(f"{name}, {changed}: {found[-1]}", flush=True)
+    times = [e.seconds for e in found]
+    optimal = sum(e.status == "optimal" for e in found)
+    spread = f"{np.median(times):.3f} ({min(times):.3f} to {max(times):.3f})"
+    iterations = int(np.median([e.iterations for e in found]))
+    print(f"| {name} | {optimal} of {len(found)} | {iterations} | {spread} |", flush=True)
 
 
 def line(name: str, own: Ending, others: Sequence[Ending]) -> str:
@@ -93,11 +139,18 @@ def main() -> None:
     parser.add_argument(
         "--time-limit", type=float, default=60.0, help="seconds of processor time, for each solve"
     )
+    parser.add_argument("--again", action="store_true", help="from the solution, after one change at a time")
     parser.add_argument("--list", action="store_true", help="also a line for every solve")
     options = parser.parse_args()
     if unknown := set(options.names) - set(ROBOTS):
         parser.error(f"unknown motion {', '.join(sorted(unknown))}")
     warnings.simplefilter("ignore")  # of specs: what is not used
+    if options.again:
+        print("| motion | changed: found | iterations | s of processor time, median (from to) |")
+        print("| --- | ---: | ---: | ---: |")
+        for name in options.names or ROBOTS:
+            again(stc.load(name), name, options)
+        return
     print("| motion | iterations | perturbed: found | iterations, median (from to) | ms an iteration |")
     print("| --- | ---: | ---: | ---: | ---: |")
     for name in options.names or ROBOTS:
@@ -106,7 +159,7 @@ def main() -> None:
         endings = []
         for k in range(options.each + 1):
             given = perturbed(constants, np.random.default_rng([options.seed, k])) if k else {}
-            endings.append(solve(model, given, options.time_limit))
+            endings.append(ending(*solve(model, given, options.time_limit)))
             if options.list:
                 print(name, k, endings[-1], flush=True)
         print(line(name, endings[0], endings[1:]), flush=True)

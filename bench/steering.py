@@ -5,12 +5,12 @@
     python -m bench.steering --alone                  # without a browser: what a processor has to do for each motion
 
 A page of ``stc steer`` is opened in Chromium without a screen, which must be on the PATH, and a handle is dragged
-back and forth by events of a mouse, 60 in a second.  Told are, in milliseconds, the median and the 90th percentile of
+back and forth by events of a mouse, 60 in a second.  The table has, in ms, the median and the 90th percentile of
 the time from the newest event that a motion is for until that motion has been drawn: first the iterate that is near to
 it, whose badge says "solving", then the solution, with the solver's usual tolerance; and how many of both came in a
 second.  It is drawn by the processor, for there is no graphics card without a screen.
 
-On a machine that has other work too these times tell nothing.  With ``--alone`` the handle is moved by the same steps
+On a machine with other work these times mean nothing.  With ``--alone`` the handle is moved by the same steps
 as ten motions a second would see, one after another, and the processor's time is told until the first message for the
 page is made, and until that of the solution is: what one would wait with a processor for the solver alone.
 """

@@ -205,10 +205,10 @@ def repeated(case: Case, rounds: int) -> list[Round]:
 
 def compile_once(case: Case) -> Times:
     """Times of compiling all kernels of a problem, LLVM being imported."""
-    import stc
-    from stc.codegen import engine
+    import llvmlite.binding  # noqa: F401
 
-    engine.llvm_wanted()
+    import stc
+
     _, transcription = stc.load(spec_of(case.problem, case.rods)).transcription(**case.constants)
     return timed(lambda: transcription.compile(cache=False), 1)
 

@@ -63,7 +63,7 @@ def _nearest(path: Path, plain: bool) -> str | None:
 
     beside = [file.stem for file in path.parent.glob("*" + SUFFIX)] if path.parent.is_dir() else []
     bundled = specs.names() if plain else []
-    near = get_close_matches(path.name.removesuffix(SUFFIX), [*bundled, *beside], n=1, cutoff=0.5)
+    near = get_close_matches(path.name.removesuffix(SUFFIX), [*bundled, *beside], n=1, cutoff=0.65)
     if not near:
         return None
     return near[0] if near[0] in bundled else str(path.with_name(near[0] + SUFFIX))

@@ -56,7 +56,7 @@ class Origins:
         return min(start + offset - self._begins[piece] + after, end)
 
     def first(self, offset: int) -> int | None:
-        """The first character of the text that stands for the one at ``offset`` of the spec; None if none does."""
+        """The first character of the written-out text that comes from the one at ``offset`` of the spec, or None."""
         for begin, (length, start, end, _) in zip(self._begins, self._pieces):
             if start <= offset < end:
                 return begin + (offset - start if length == end - start else 0)
@@ -147,12 +147,12 @@ class Span:
 
     @property
     def text(self) -> str:
-        """The characters themselves, those of repetitions written out."""
+        """The text, with repetitions written out."""
         return self.source.text[self.start : self.end]
 
     @property
     def repeated(self) -> str:
-        """For what this is one of several that are written once: ``k = 3``; else empty."""
+        """The value of the repetition from which this place comes, such as ``k = 3``; empty without a repetition."""
         return "" if self.source.origins is None else self.source.origins.values(self.start)
 
     @property

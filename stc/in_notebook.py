@@ -1,4 +1,4 @@
-"""Whether somebody looks at this process through a notebook."""
+"""Whether this process runs in a notebook."""
 
 from __future__ import annotations
 

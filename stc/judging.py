@@ -115,7 +115,7 @@ def _left_out(problem: Problem) -> list[str]:
 
 
 def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:
-    """Contradictions within the numbers."""
+    """Contradictions between the numbers of a solution."""
     faults = []
     if solution.status == "optimal":
         for miss in found.misses:

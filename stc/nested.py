@@ -367,7 +367,7 @@ class Nested:
         return replace(self.options, max_iterations=most)
 
     def _attempt(self, most: int = ITERATIONS) -> Options:
-        """The same for a solve that is given up where it does not get on."""
+        """The options of a solve that is given up after some iterations without success."""
         left = self._left()
         return replace(left, max_iterations=min(left.max_iterations, most), retries=0)
 
@@ -416,7 +416,7 @@ class Nested:
 
     @property
     def _afar(self) -> Callback | None:
-        """The same for solves on fewer frames."""
+        """The callback for solves on fewer frames, if there is one."""
         return self._told_from_afar if self.callback is not None else None
 
     def _told(self, record: IterationRecord) -> bool:
@@ -427,5 +427,5 @@ class Nested:
         return self._stopped
 
     def _told_from_afar(self, record: IterationRecord) -> bool:
-        """The same for fewer frames, whose variables are not those of the whole."""
+        """Pass on a record of a solve on fewer frames, without its variables, which differ from those on all frames."""
         return self._told(replace(record, x=None))

@@ -1,4 +1,4 @@
-"""The line in a notebook that tells how far a solve or a sweep has got, and goes away when that ends.
+"""The line in a notebook that shows the progress of a solve or a sweep, and disappears at its end.
 
 It is HTML that any front end shows; where nothing takes long, nothing appears.
 """
@@ -32,7 +32,7 @@ class _Line:
         self._handle: Any = None
 
     def show(self, text: str, share: float | None = None) -> None:
-        """Put a text in place of the last one, once it is time for another, with a bar for the share that is done."""
+        """Replace the text and the progress bar, unless they were replaced a moment ago."""
         if time.monotonic() < self._next_update:
             return
         bar = "" if share is None else f"<progress value='{share:.4f}' max='1'></progress> "
@@ -40,7 +40,7 @@ class _Line:
         self._next_update = time.monotonic() + PERIOD
 
     def close(self) -> None:
-        """Take the line away."""
+        """Remove the line."""
         if self._handle is not None:
             self._put("")
 
@@ -55,7 +55,7 @@ class _Line:
 
 @contextmanager
 def _line() -> Iterator[_Line | None]:
-    """A line for what is done in this context; None where there is one already."""
+    """A progress line for this context; None if one is shown already."""
     if _shown:
         yield None
         return
@@ -70,7 +70,7 @@ def _line() -> Iterator[_Line | None]:
 
 @contextmanager
 def solving(name: str) -> Iterator[Callable[[IterationRecord], None] | None]:
-    """A context around a solve, whose callback it gives."""
+    """A context around a solve. It gives the callback for that solve."""
     with _line() as line:
         if line is None:
             yield None
@@ -87,7 +87,7 @@ def solving(name: str) -> Iterator[Callable[[IterationRecord], None] | None]:
 
 @contextmanager
 def sweeping(name: str) -> Iterator[Callable[[Sweep], None]]:
-    """A context around a sweep; what it gives is told of the sweep after each point."""
+    """A context around a sweep. It gives the function that is to be called after each point."""
     with _line() as line:
 
         def show(sweep: Sweep) -> None:

@@ -397,7 +397,7 @@ class Model:
         method: str | None = None,
         constants: Mapping[str, float] | None = None,
     ) -> Solution:
-        """The motion at an iterate, for whoever looks on: to be called from the callback of :meth:`solve`.
+        """The motion at an iterate, such as to display progress: to be called from the callback of :meth:`solve`.
 
         Args:
             record: the record passed to the callback.

@@ -290,6 +290,8 @@ class FreeContact:
         slip: the velocities of the contact point along the surface, and for a sole its angular velocity.
         weight: weight of the whole model in N, the scale of forces.
         span: the position of its ``free:`` line.
+        sticks: whether it does not slip while it touches.
+        relaxed: whether a constant relaxes its laws, which are complementary pairs otherwise.
     """
 
     name: str
@@ -298,6 +300,8 @@ class FreeContact:
     slip: Sequence[Expr]
     weight: float
     span: Span
+    sticks: bool
+    relaxed: bool
 
 
 @dataclass(slots=True)

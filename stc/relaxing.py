@@ -3,7 +3,8 @@
 Either a gap or its contact force is zero.  If their product is constrained to zero, the feasible set has no interior,
 and Newton's method cannot change the order of contacts of the guess.  The product is therefore bounded by a constant,
 at first large enough for forces to act at a distance, which is reduced from solve to solve (Scholtes 2001).  The early
-solutions are only starts for the next, and get few iterations.
+solutions are only starts for the next, and get few iterations.  The numbers were compared with others
+(docs/complementarity.md).
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def brought_down(solve: Solve, last: float, options: Options, start: Start | Non
 def _walked(
     solve: Solve, by: Sequence[float], options: Options, most: int, start: Start | None
 ) -> tuple[Result, bool]:
-    """The result of the last of some values, each solved from the one before, and whether a limit ended it.
+    """Solve for some values in turn, each from the solution before. Returns the last result and if a limit ended it.
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ def require_stated(solution: Solution) -> None:
         )
         if len(solution.x) != stated.layout.size:
             raise SolutionError(
-                f"its text states {stated.layout.size} unknowns, and it has {len(solution.x)} in `x`"
+                f"the file was altered: its text states {stated.layout.size} unknowns, and `x` has {len(solution.x)}"
             )
     except StcError as error:
         reason = str(error).splitlines()[0]

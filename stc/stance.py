@@ -192,7 +192,7 @@ class Stance:
         return not free or flat <= 6 + len(self._between([spot for foot in feet for spot in foot]))
 
     def height(self) -> float:
-        """How far above the floor the lowest place of the pose to look at is, in m; 0 where there is none."""
+        """The height of the lowest contact point above the floor in the given pose, in m; 0 without contact points."""
         if not self.spots:
             return 0.0
         places, _ = self.seen(self.start[:, None], self.spots)
@@ -329,7 +329,7 @@ class Stance:
         return bool(np.linalg.norm(found.fun) <= _BALANCE * max(scope.weight, _TINY))
 
     def _pushed(self, spot: Spot) -> list[Spot]:
-        """Where the floor pushes a spot: at all corners if it is a sole."""
+        """The points at which the floor pushes on a spot: all corners of a sole, otherwise the spot itself."""
         for geom in self.mechanism.geoms:
             if geom.name and spot.written == f"foot({path_of('geom', geom.name)})":
                 size, turn = np.array(geom.size), rotation(geom.quat)

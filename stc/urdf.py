@@ -1,4 +1,5 @@
-"""A URDF as MuJoCo's reader takes it: its meshes found where packages lie, and what the reader passes over.
+"""A URDF in the form that MuJoCo's reader accepts: with the paths of its meshes, and the elements that the reader
+ignores.
 
 URDFs are written for other programs.  They name meshes by packages (``package://go1_description/meshes/trunk.dae``),
 which MuJoCo does not look for, and two meshes of one name in different folders are one to it.  So every mesh gets a
@@ -163,7 +164,7 @@ def _places(written: str, folder: Path, settings: dict[str, str]) -> Iterator[Pa
 
 
 def mimics(text: str) -> list[Mimic]:
-    """The joints that follow others, which MuJoCo's reader passes over."""
+    """The ``mimic`` elements of joints, which MuJoCo's reader ignores."""
     if "<mimic" not in text:
         return []
     found = []

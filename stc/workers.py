@@ -1,4 +1,4 @@
-"""The same function for many tasks, in one process or in many.
+"""Calls one function for many tasks, in one process or in several.
 
 Several processes are joblib's business (https://joblib.readthedocs.io): on one machine its own pool of processes
 (loky), and whatever else ``joblib.parallel_config`` names, such as a Dask or Ray cluster.
@@ -95,7 +95,7 @@ class Workers:
             self._parallel.__exit__(kind, error, trace)
 
     def results(self, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:
-        """What the function makes of each task, in the order in which they are done.
+        """The results of the tasks, in the order in which they finish.
 
         The tasks of a worker that is lost are given to others.
 
@@ -152,7 +152,7 @@ class Workers:
         )
 
     def _shared(self, calls: Iterator[Any]) -> Iterator[Any]:
-        """What the calls return."""
+        """The values that the calls return."""
         if self._together is None:
             outputs = self._parallel(calls)
             try:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from stc.validate.setup import Setup
     from stc.validate.ties import Tie
 
+#: So many geoms of one friction are named in a note.
+_NAMED = 4
+
 
 def travelled(setup: Setup) -> float:
     """The travel of the base in m: the largest distance between two places of its path, with a lower limit."""
@@ -145,13 +148,16 @@ def friction_note(setup: Setup) -> str:
             "no geom of the model can touch another, so that nothing supplies the forces of the `contact` lines; "
             "state forces that need no contact with `apply` lines"
         )
+    named: dict[float, list[str]] = {}
+    for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity).tolist():
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) or f"geom {geom}"
+        named.setdefault(float(model.geom_friction[geom, 0]), []).append(name)
     parts = []
-    for geom in range(model.ngeom):
-        if model.geom_contype[geom] or model.geom_conaffinity[geom]:
-            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) or f"geom {geom}"
-            parts.append(f"{name} {model.geom_friction[geom, 0]:.4g}")
-    friction = f"; friction: {', '.join(parts)}" if parts else ""
-    return f"MuJoCo's own contacts give every ground force{friction}"
+    for friction, names in named.items():
+        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+        parts.append(f"{friction:.4g} ({', '.join(names[:_NAMED])}{more})")
+    of_all = f"; their friction is {', '.join(parts)}" if parts else ""
+    return f"MuJoCo's own contacts give every ground force{of_all}"
 
 
 def _parts(setup: Setup) -> tuple[list[Coordinate], list[Tie]]:

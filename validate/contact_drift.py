@@ -5,11 +5,13 @@ A spec may constrain a foot by its acceleration alone; then the errors of the me
 exploit this.  The position and velocity of each contact point come from MuJoCo's kinematics along the solved motion,
 at and between the frames.  For a sphere, which may roll, the displacement of the material points that touch is summed.
 Contacts that slide with friction, or stand on a moving body, are left out.
+
+In a replay with MuJoCo's contacts a standing contact may slip as well: :func:`slips` finds where it does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
     from stc.validate.contact_forces import ContactForces
     from stc.validate.places import Place
+    from stc.validate.replay import Replay
     from stc.validate.setup import Setup
 
 #: Of the largest contact force, so much acts where something stands.
@@ -52,6 +55,23 @@ class Stand:
     frame: float
 
 
+@dataclass(frozen=True, slots=True)
+class Slip:
+    """A contact that stands in the solved motion and slips in a replay.
+
+    Attributes:
+        name: name of the point in the replay's lines.
+        body: name of its body.
+        first, frame: the frame from which it stands, and the first one at which it is farther from its first position
+            than :data:`stc.validate.limits.STANDS`.
+    """
+
+    name: str
+    body: str
+    first: int
+    frame: int
+
+
 def contact_drift(setup: Setup, ground: Sequence[ContactForces] = ()) -> list[Stand]:
     """The drift of each contact point while a force acts on it.
 
@@ -65,16 +85,55 @@ def contact_drift(setup: Setup, ground: Sequence[ContactForces] = ()) -> list[St
         return []
     model = touchable(setup.model())
     data = mujoco.MjData(model)
-    slides = {one.body: one.slides for one in ground}
+    return [
+        Stand(name, first, last, *_moved(setup, model, data, place, first, last))
+        for place, name, first, last in _standing(setup, model, data, ground)
+    ]
+
+
+def slips(setup: Setup, motion: Replay, ground: Sequence[ContactForces]) -> list[Slip]:
+    """The contacts that slip in a replay with MuJoCo's contacts, the first one first.
+
+    Args:
+        setup: the motion.
+        motion: the replay.
+        ground: the contact forces, which show which bodies slide in the solved motion.
+    """
+    import mujoco
+
+    if not setup.all_tied or not setup.solution.n:
+        return []
+    model = touchable(setup.model())
+    data = mujoco.MjData(model)
+    states = list(zip(motion.positions, motion.velocities, strict=True))
+
+    def put(state: Sequence[FloatArray]) -> None:
+        data.qpos, data.qvel = state
+
     found = []
+    for place, name, first, last in _standing(setup, model, data, ground):
+        ways = _distances(
+            model, data, place, put, states[first : last + 1], setup.solution.time[first : last + 1]
+        )
+        far = np.flatnonzero(ways > limits.STANDS)  # NaN, after a breakdown, is not
+        if len(far):
+            body = model.body(place.body).name or str(place.body)
+            found.append(Slip(name, body, first, first + int(far[0])))
+    return sorted(found, key=lambda slip: slip.frame)
+
+
+def _standing(
+    setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, ground: Sequence[ContactForces]
+) -> Iterator[tuple[Place, str, int, int]]:
+    """The points of contacts that stand, with their names and their first and last frames."""
+    slides = {one.body: one.slides for one in ground}
     for place, (name, lines) in _places(setup).items():
         body = model.body(place.body).name or str(place.body)
         for first, last in _stands(setup, lines):
             if np.any(slides.get(body, np.zeros(1, bool))[first : last + 1]):
                 continue
             if not _on_what_moves(setup, model, data, place, first):
-                found.append(Stand(name, first, last, *_moved(setup, model, data, place, first, last)))
-    return found
+                yield place, name, first, last
 
 
 def drift_metrics(stands: Sequence[Stand]) -> list[Metric]:
@@ -160,22 +219,42 @@ def _moved(
         states += list(zip(positions, velocities, strict=True))
         states.append(setup.reference.at("before", step + 1)[:2])
         times += [*(step + _BETWEEN).tolist(), step + 1.0]
-    ways = _ways(model, data, place, setup, states)
-    if place.radius:
-        # From the velocities of the points that touch, by the trapezoid rule.
-        at = np.interp(times, np.arange(setup.solution.n + 1), setup.solution.time)
-        steps = 0.5 * np.diff(at)[:, None, None] * (ways[1:] + ways[:-1])
-        ways = np.concatenate([np.zeros_like(ways[:1]), np.cumsum(steps, axis=0)])
-    far = np.linalg.norm(ways - ways[:1], axis=2).max(axis=1)
+    at = np.interp(times, np.arange(setup.solution.n + 1), setup.solution.time)
+    far = _distances(model, data, place, lambda state: setup.reference.put(data, state), states, at)
     worst = int(np.argmax(far))
     return float(far[worst]), times[worst]
+
+
+def _distances(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    place: Place,
+    put: Callable[[Sequence[FloatArray]], None],
+    states: Sequence[Sequence[FloatArray]],
+    times: FloatArray,
+) -> FloatArray:
+    """(k,) how far the points of a place are from their first positions in k states at the given times, in m.
+
+    Args:
+        model, data: of the simulator.
+        place: the place.
+        put: writes a state into ``data``.
+        states: of any kind that ``put`` takes.
+        times: (k,) in s.
+    """
+    ways = _ways(model, data, place, put, states)
+    if place.radius:
+        # From the velocities of the points that touch, by the trapezoid rule.
+        steps = 0.5 * np.diff(times)[:, None, None] * (ways[1:] + ways[:-1])
+        ways = np.concatenate([np.zeros_like(ways[:1]), np.cumsum(steps, axis=0)])
+    return np.asarray(np.linalg.norm(ways - ways[:1], axis=2).max(axis=1))
 
 
 def _ways(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     place: Place,
-    setup: Setup,
+    put: Callable[[Sequence[FloatArray]], None],
     states: Sequence[Sequence[FloatArray]],
 ) -> FloatArray:
     """(k, p, 3) positions of the points of a place in k states; for a sphere, the velocity of the touching point."""
@@ -183,7 +262,7 @@ def _ways(
 
     found = []
     for state in states:
-        setup.reference.put(data, state)
+        put(state)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         at = place.point(model, data)

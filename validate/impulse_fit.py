@@ -27,7 +27,7 @@ LEAST_IMPULSE = limits.IMPULSE_CONE
 
 
 class ImpulseFit:
-    """For each frame, the part of an impulse that no contact point can give."""
+    """The part of the impulse at each frame that no contact point can give."""
 
     def __init__(self, setup: Setup) -> None:
         import mujoco

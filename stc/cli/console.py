@@ -180,7 +180,7 @@ def print_table(title: str, rows: Sequence[Sequence[str]], header: Sequence[str]
 
 
 class Rows:
-    """A table whose rows are printed as soon as they are known; on a narrow terminal each row is a sentence.
+    """A table that prints each row as soon as it is added; on a narrow terminal each row is a sentence.
 
     Args:
         header: names of the columns; without one the first column names the others.

@@ -1,4 +1,4 @@
-"""What ``stc language-server`` does."""
+"""The command ``stc language-server``: diagnostics, completion and hover for editors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``stc explain-motion`` does: a short spec for a recorded motion, solved and judged."""
+"""The command ``stc explain-motion``: a short spec for a recorded motion, solved and judged."""
 
 from __future__ import annotations
 

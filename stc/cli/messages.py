@@ -9,6 +9,12 @@ from stc.cli import guard, record
 from stc.cli.statuses import BAD
 from stc.errors import EvaluationError, SpecError, StcError
 
+#: Said where the time limit ends a command that has not begun to solve.
+BEFORE_THE_SOLVE = (
+    "the time limit was reached before the solve began, so that there is nothing to save: reading a spec, deriving its "
+    "equations and compiling them count as well; raise --time-limit"
+)
+
 
 def ended(status: str) -> int:
     """End a command without a result; returns its exit status."""
@@ -19,7 +25,7 @@ def ended(status: str) -> int:
 
 def say_ended(status: str) -> None:
     """Print that a command was ended without a result."""
-    words = {"time_limit": "the time limit was reached before there was a result to save"}
+    words = {"time_limit": BEFORE_THE_SOLVE}
     say("--json" in sys.argv, status, words.get(status, status))
 
 

@@ -257,6 +257,8 @@ class _Pages:
                 yield self._standing(
                     "stands in a pose that takes the least effort", near, begin, pinned=False
                 )
+        if self.travels and mechanism.actuators and stance.holds(stance.start, []):  # it flies
+            yield self._page("holds a pose with the least effort")
 
     def _balanced(self) -> tuple[Matrix | None, Sequence[Spot]]:
         """A pose that balances, (nq,), and what stands: toes, or whole feet if the motors only hold it on those."""

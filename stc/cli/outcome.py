@@ -183,16 +183,39 @@ class Ending:
 
 
 def keep_solution(solution: Solution, file: Path, keep: Callable[[Path], object] | None = None) -> str:
-    """Save a solution; returns why that failed, or ""."""
+    """Save a solution, in a new folder for temporary files if it cannot be saved where it should be.
+
+    Returns:
+        The reason, with the place where it is saved instead; "" if there is nothing to report.
+    """
+    write = keep or solution.save
     try:
         if solution.status != "optimal":
             from stc.cli.keeping import keep_optimal
 
             keep_optimal(file, solution.status)
         with unlimited():
-            (keep or solution.save)(file)
+            write(file)
     except OSError as error:
         if error.errno is None:
             raise
-        return f"{file}: {error.strerror or error}: the solution is not saved"
+        return f"{file}: {error.strerror or error}: {_rescued(file.name, write)}"
     return ""
+
+
+def _rescued(name: str, write: Callable[[Path], object]) -> str:
+    """Save a solution in a new folder for temporary files; returns what became of it."""
+    import shutil
+    import tempfile
+
+    try:
+        place = Path(tempfile.mkdtemp(prefix="stc-")) / name
+    except OSError:
+        return "the solution is not saved"
+    try:
+        with unlimited():
+            write(place)
+    except OSError:
+        shutil.rmtree(place.parent, ignore_errors=True)
+        return "the solution is not saved"
+    return f"the solution is saved as {place} instead"

@@ -371,7 +371,7 @@ def _listed(numbers: Sequence[int]) -> str:
 
 
 class _Table:
-    """A table whose rows appear as they are known."""
+    """A table that is printed row by row, each row as soon as it is computed."""
 
     WIDTH = 15
 

@@ -1,4 +1,4 @@
-"""What ``stc steer`` does: a spec steered by hand in a browser."""
+"""The command ``stc steer``: a spec steered by hand in a browser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which bodies of a model its actuators move, and which are objects that nothing drives."""
+"""Divides the bodies of a model into those that its actuators move and objects without any drive."""
 
 from __future__ import annotations
 

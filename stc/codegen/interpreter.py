@@ -12,21 +12,19 @@ two to three times as long is spent on evaluations.
 from __future__ import annotations
 
 from array import array
-from functools import cache as only_once
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen.engine import LANES
+from stc.codegen.engine import LANES, function_numbers
 from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
-from stc.core import library as core
 from stc.records import dataclass
 
-__all__ = ["CHUNK", "Code", "assemble"]
+__all__ = ["CHUNK", "Instructions", "assemble"]
 
 #: Blocks that an instruction is followed for at once: rows of 512 bytes.
 CHUNK: Final = 16
@@ -37,38 +35,31 @@ WORDS: Final = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Code:
+class Instructions:
     """A tape's instructions.
 
     Attributes:
         words: (instructions, WORDS) int32.
         head: how many are followed once per call.
-        literals: (k,).
         rows: how many rows they use.
     """
 
     words: NDArray[np.int32]
     head: int
-    literals: NDArray[np.float64]
     rows: int
 
-    def cells(
-        self, tape: Tape, runs: Runs, takes_over: NDArray[np.int64], work: NDArray[np.int64]
-    ) -> tuple[list[int], Any]:
-        """What a prepared call needs besides a kernel's arguments (``tape_call``), and what must stay alive meanwhile.
+    def cells(self, takes_over: NDArray[np.int64], work: NDArray[np.int64]) -> tuple[list[int], Any]:
+        """What a prepared call needs besides what machine code needs (``tape_call``), and what must stay alive.
 
         Args:
-            takes_over: (1,), the address of the compiled kernel's entry for prepared calls, or 0.
+            takes_over: (1,), the address of machine code for the same, or 0.
             work: (1,), counts instructions times blocks.
         """
-        rows = aligned_zeros(self.rows * ROW)
-        arrays = takes_over, self.words, self.literals, rows, work
-        strides = LANES * runs.count, LANES * len(tape.outputs), LANES * runs.kept_width
-        addresses = [array.ctypes.data for array in arrays]
-        return [*addresses, self.head, len(self.words), *strides], arrays
+        arrays = takes_over, self.words, aligned_zeros(self.rows * ROW), work
+        return [*(array.ctypes.data for array in arrays), self.head, len(self.words)], arrays
 
 
-def assemble(tape: Tape, runs: Runs, fused: bool) -> Code:
+def assemble(tape: Tape, runs: Runs, fused: bool) -> Instructions:
     """The instructions of a tape.
 
     Args:
@@ -85,7 +76,7 @@ class _Assembler:
 
     def __init__(self, tape: Tape, runs: Runs, fused: bool) -> None:
         self.tape, self.runs = tape, runs
-        self.number = _numbers()
+        self.number = function_numbers()
         self.fused = find_fused(tape) if fused else {}
         self.words = array("i")
         self.row = [-1] * tape.n_slots
@@ -95,7 +86,7 @@ class _Assembler:
         self.kept = runs.kept_rows(tape)
         self.lasting = tape.first_op + tape.n_uniform_ops  # slots below are there all the time, once they are
 
-    def code(self) -> Code:
+    def code(self) -> Instructions:
         tape, row, free, kept, lasting = self.tape, self.row, self.free, self.kept, self.lasting
         begin, first_op, ops, write = tape.n_uniform_ops, tape.first_op, tape.ops, self.words.extend
         reads = reads_of(tape, self.fused)
@@ -161,7 +152,7 @@ class _Assembler:
                 for output in where:
                     write((store, 0, row[slot], output, 0))
         words = np.array(self.words, dtype=np.int32).reshape(-1, WORDS)
-        return Code(words, head, np.array([*tape.constants, 0.0]), self.rows)
+        return Instructions(words, head, self.rows)
 
     def _once_per_call(self, reads: list[tuple[int, ...]]) -> None:
         tape, row, write = self.tape, self.row, self.words.extend
@@ -213,10 +204,3 @@ class _Assembler:
             self.rows += RUN
             self.words.extend((self.number["fetch"], self.run_rows[run], run, 0, 0))
         self.row[slot] = self.run_rows[run] + within
-
-
-@only_once
-def _numbers() -> dict[str, int]:
-    """The instructions by name: those that move values, those of tapes, and those for two of a tape's."""
-    names: bytes = core.library().tape_instructions()
-    return {name: number for number, name in enumerate(names.decode().split())}

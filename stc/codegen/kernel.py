@@ -1,4 +1,4 @@
-"""Compiled tapes: numbers in a workspace vector in, blocks of outputs out.
+"""Tapes as kernels: numbers in a workspace vector in, blocks of outputs out.
 
 Layout, for a tape with ``n_out`` outputs whose varying inputs are in ``n_runs`` runs (:mod:`stc.codegen.runs`),
 instances in blocks of ``LANES`` (the last block filled up with any valid instances):
@@ -9,7 +9,8 @@ instances in blocks of ``LANES`` (the last block filled up with any valid instan
     out        float64 (n_blocks, n_out, LANES)
     kept       float64 (n_blocks, kept_width, LANES)  outputs of another kernel, for tapes that take some
 
-The same tapes run in NumPy when LLVM is missing or not wanted.
+A kernel is machine code, or goes through its instructions (:mod:`stc.codegen.interpreter`) to the same results: until
+compiling has been worth it, or for good where LLVM is missing or not wanted.
 """
 
 from __future__ import annotations
@@ -17,16 +18,15 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen import cache as object_cache
-from stc.codegen import engine, reference
+from stc.codegen import engine, threads
 from stc.codegen.engine import LANES
-from stc.codegen.interpreter import CHUNK, Code, assemble
+from stc.codegen.interpreter import CHUNK, Instructions, assemble
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
 from stc.core import library as core
@@ -35,7 +35,7 @@ from stc.memory import without_collection
 
 __all__ = ["LANES", "Kernel", "KernelSet", "compile_tapes"]
 
-Backend = Literal["auto", "llvm", "numpy"]
+Backend = Literal["auto", "llvm", "interpreter"]
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int32]
 
@@ -43,32 +43,49 @@ _NOTHING: FloatArray = np.zeros((0, 0, LANES))
 
 
 class Kernel:
-    """One compiled tape."""
+    """One tape.
+
+    Attributes:
+        work: counts instructions times blocks, where it goes through instructions. (1,)
+    """
 
     def __init__(self, tape: Tape, runs: Runs) -> None:
         self.tape = tape
         self.runs = runs
-        self._packed: Callable[..., Any] | None = None
-        self._object: engine.LoadedObject | None = None
-        self._code: Code | None = None
-        self._work = np.zeros(1, np.int64)  # of all kernels together, once they are interpreted
-        self._takes_over = np.zeros(1, np.int64)  # the address of the machine code's entry
-
-    def install(self, loaded: engine.LoadedObject, symbol: str) -> None:
-        """Adopt machine code; prepared calls that go through instructions take to it as well."""
-        address = loaded.address(symbol + ".packed")
-        self._packed = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address)
-        self._object = loaded
-        self._takes_over[0] = address
+        self.work = np.zeros(1, np.int64)
+        self._literals = np.array([*tape.constants, 1.0, -0.0])
+        self._entry: Callable[..., Any] | None = None
+        self._code: engine.Code | None = None
+        self._takes_over = np.zeros(1, np.int64)  # the address of the machine code
+        self._instructions: Instructions | None = None
 
     @property
     def is_compiled(self) -> bool:
-        """Whether there is machine code."""
-        return self._packed is not None
+        """Whether there is machine code, or none is needed."""
+        return self._code is not None or not self.tape.outputs
 
-    def interpret(self, work: NDArray[np.int64]) -> None:
-        """Go through instructions until there is machine code; ``work`` counts them, times blocks."""
-        self._code, self._work = assemble(self.tape, self.runs, engine.has_fma()), work
+    def find(self, key: str) -> None:
+        """Adopt machine code that is kept, if there is some."""
+        code = engine.kept(key, "kernel")
+        if code is not None:
+            self._adopt(code)
+
+    def compile(self, key: str | None, level: int) -> None:
+        """Make machine code; prepared calls that go through instructions take to it as well.
+
+        Args:
+            key: where to keep it, None for nowhere.
+            level: effort of code generation.
+        """
+        made = engine.compile_ir(_own_ir(self.tape, self.runs), level)
+        if key is not None:
+            object_cache.store(key, made)
+        self._adopt(engine.load(made, "kernel"))
+
+    def _adopt(self, code: engine.Code) -> None:
+        self._code = code
+        self._entry = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(code.address)
+        self._takes_over[0] = code.address
 
     def __call__(self, *arrays: NDArray[Any]) -> None:
         """Evaluate all blocks: what :meth:`bind` prepares, called once."""
@@ -88,13 +105,16 @@ class Kernel:
             ValueError: an array of wrong type, shape or layout, or a run that reaches out of the workspace.
         """
         arrays = self._checked(workspace, uniform, index, out, kept)
-        cells = [*(array.ctypes.data for array in arrays), index.shape[0]]
-        if self._packed is not None:
-            return Bound.of_native(self._packed, cells, (arrays, self._object))
-        if self._code is not None:
-            own, kept_alive = self._code.cells(self.tape, self.runs, self._takes_over, self._work)
-            return Bound.of_native(core.library().tape_run, [*cells, *own], (arrays, kept_alive, self))
-        return Bound.of_python(self._run_numpy, arrays)
+        strides = LANES * self.runs.count, LANES * len(self.tape.outputs), LANES * self.runs.kept_width
+        # See ``tape_call`` in ``stc/core/calls.h``.
+        cells = [array.ctypes.data for array in (*arrays, self._literals)]
+        cells += [core.library().tape_functions(), index.shape[0], *strides]
+        if self._entry is not None:
+            return Bound.of_native(self._entry, cells, (arrays, self))
+        if self._instructions is None:
+            self._instructions = assemble(self.tape, self.runs, engine.has_fma())
+        own, kept_alive = self._instructions.cells(self._takes_over, self.work)
+        return Bound.of_native(core.library().tape_run, [*cells, *own], (arrays, kept_alive, self))
 
     def _checked(
         self,
@@ -136,40 +156,23 @@ class Kernel:
             )
         return workspace, uniform, index, out, kept
 
-    def _run_numpy(
-        self,
-        workspace: FloatArray,
-        uniform: FloatArray,
-        index: IndexArray,
-        out: FloatArray,
-        kept: FloatArray,
-    ) -> None:
-        tape = self.tape
-        blocks = index.shape[0]
-        varying = np.zeros((tape.n_varying, blocks * LANES))
-        for v, place in enumerate(self.runs.places):
-            if place >= 0:
-                varying[v] = workspace[index[:, place // RUN].reshape(-1) + place % RUN]
-        for slot, row in self.runs.kept_rows(tape).items():
-            varying[slot - tape.n_uniform] = kept[:, row].reshape(-1)
-        values = reference.run(tape, uniform, varying)
-        out[...] = values.reshape(len(tape.outputs), blocks, LANES).transpose(1, 0, 2)
-
 
 class KernelSet:
     """The kernels of one list of tapes: ``kernels[k](workspace, uniform, index, out)``.
 
     Attributes:
-        backend: ``"llvm"`` or ``"numpy"``.
+        backend: ``"llvm"`` or ``"interpreter"``.
         seconds: wall time spent on compiling, or on loading from the cache.
-        cached: the machine code came from the cache.
-        interpreted: some of it is not compiled yet; calls go through instructions instead (see
-            :mod:`stc.codegen.interpreter`), to the same results.  Kernels that would take too much of the stack
-            are never compiled.
+        cached: all machine code came from the cache.
+        interpreted: some is not compiled, but could be.
     """
 
     def __init__(
-        self, tapes: Sequence[Tape], runs: Sequence[Runs], backend: Literal["llvm", "numpy"]
+        self,
+        tapes: Sequence[Tape],
+        runs: Sequence[Runs],
+        backend: Literal["llvm", "interpreter"],
+        cache: bool,
     ) -> None:
         self.tapes = list(tapes)
         self.runs = list(runs)
@@ -177,7 +180,7 @@ class KernelSet:
         self.seconds = 0.0
         self.cached = False
         self.interpreted = False
-        self._work = np.zeros(1, np.int64)
+        self._cache = cache
         self._kernels = [Kernel(*each) for each in zip(self.tapes, self.runs, strict=True)]
 
     def __len__(self) -> int:
@@ -189,26 +192,52 @@ class KernelSet:
     def __iter__(self) -> Iterator[Kernel]:
         return iter(self._kernels)
 
-    def compile(self, cache: bool = True) -> None:
+    def compile(self) -> None:
         """Compile what is not yet, and have it take over, in calls that are prepared as well."""
         if self.interpreted:
-            started = time.perf_counter()
-            _load_or_compile(self, cache, wanted=True)
-            self.interpreted = False
-            self.seconds += time.perf_counter() - started
+            self.provide(wanted=True)
 
-    def compile_when_due(self, cache: bool = True) -> None:
+    def compile_when_due(self) -> None:
         """Do so if calls have taken so much longer than they would have that it had been worth it."""
-        if self.interpreted and LONGER * int(self._work[0]) > compiling_takes(self.tapes):
-            self.compile(cache)
+        if self.interpreted and LONGER * sum(int(kernel.work[0]) for kernel in self) > compiling_takes(
+            self.tapes
+        ):
+            self.compile()
 
     @without_collection()
-    def interpret(self) -> None:
-        """Have instructions for what is not compiled."""
-        self.interpreted = True
-        for kernel in self._kernels:
+    def provide(self, *, wanted: bool) -> None:
+        """Machine code for all kernels, as far as it is kept or ``wanted``."""
+        started = time.perf_counter()
+        level = effort(self.tapes)
+        described = "kernel", engine.fingerprint(), f"width {engine.vector_width()} level {level}"
+        missing: list[tuple[Kernel, str | None]] = []
+        for kernel in self:
+            if kernel.is_compiled:
+                continue
+            key = None
+            if self._cache:
+                key = object_cache.key_of(*described, kernel.tape.digest(), kernel.runs.digest())
+                kernel.find(key)
             if not kernel.is_compiled:
-                kernel.interpret(self._work)
+                missing.append((kernel, key))
+        if missing and wanted:
+            self._compile_all([each for each in missing if _fits_the_stack(each[0].tape)], level)
+        self.cached = not missing
+        self.interpreted = bool(missing) and not wanted
+        self.seconds += time.perf_counter() - started
+
+    def _compile_all(self, missing: list[tuple[Kernel, str | None]], level: int) -> None:
+        """The longest first, by two threads where that is allowed."""
+        missing.sort(key=lambda each: -len(each[0].tape.ops))
+        if threads.allowed() == 1 or len(missing) < 2:
+            for kernel, key in missing:
+                kernel.compile(key, level)
+            return
+        from concurrent.futures import ThreadPoolExecutor  # takes longer to import than to find what is kept
+
+        with ThreadPoolExecutor(threads.allowed()) as pool:
+            for _ in pool.map(lambda each: each[0].compile(each[1], level), missing):
+                pass
 
     def bind(
         self,
@@ -223,18 +252,18 @@ class KernelSet:
         return self._kernels[k].bind(workspace, uniform, index, out, kept)
 
     def llvm_ir(self) -> str:
-        """One LLVM module with all of these kernels, as text."""
-        from stc.codegen.llvm import module_ir
+        """The LLVM modules of these kernels, as text."""
+        return "\n".join(
+            [f"; kernel {k}\n{_own_ir(kernel.tape, kernel.runs)}" for k, kernel in enumerate(self)]
+        )
 
-        return (module_ir if self.backend == "numpy" else _own_ir)(self.tapes, self.runs)
 
-
-def _own_ir(tapes: Sequence[Tape], runs: Sequence[Runs]) -> str:
+def _own_ir(tape: Tape, runs: Runs) -> str:
     """The LLVM module for this machine."""
-    from stc.codegen.llvm import module_ir  # which a process that finds all its code does without
+    from stc.codegen.llvm import kernel_ir  # which a process that finds all its code does without
 
-    return module_ir(
-        tapes, runs, width=engine.vector_width(), registers=engine.vector_registers(), fused=engine.has_fma()
+    return kernel_ir(
+        tape, runs, width=engine.vector_width(), registers=engine.vector_registers(), fused=engine.has_fma()
     )
 
 
@@ -257,16 +286,13 @@ def compile_tapes(
     Raises:
         ImportError: LLVM is asked for by name and cannot be imported.
     """
-    started = time.perf_counter()
     if backend == "auto":
-        backend = "llvm" if engine.llvm_wanted() else "numpy"
+        backend = "llvm" if engine.llvm_wanted() else "interpreter"
     if runs is None:
         runs = [Runs.alone(tape.n_varying) for tape in tapes]
-    kernels = KernelSet(tapes, runs, backend)
-    if backend == "llvm" and tapes:
-        if not _load_or_compile(kernels, cache, wanted=instances is None or _is_worth_it(tapes, instances)):
-            kernels.interpret()
-    kernels.seconds = time.perf_counter() - started
+    kernels = KernelSet(tapes, runs, backend, cache)
+    if backend == "llvm":
+        kernels.provide(wanted=instances is None or _is_worth_it(tapes, instances))
     return kernels
 
 
@@ -279,29 +305,6 @@ _LONG = 60_000
 def effort(tapes: Sequence[Tape]) -> int:
     """The level of code generation that tapes are worth.  It is decided by them alone, like the machine code."""
     return 0 if sum(len(tape.ops) for tape in tapes) > _LONG else 1
-
-
-#: Tapes of more operations than this together are compiled as two modules, which two threads can do side by side,
-#: if the smaller one has at least this part of the work.
-_DIVIDED = 2_000
-_SMALLER = 0.15
-
-
-def parts(tapes: Sequence[Tape]) -> list[list[int]]:
-    """Positions of the tapes that are compiled together, decided by the tapes alone; the longer part first."""
-    work = [len(tape.ops) + 2 * (len(tape.outputs) + tape.n_varying) for tape in tapes]
-    everything = list(range(len(tapes)))
-    if sum(len(tape.ops) for tape in tapes) <= _DIVIDED:
-        return [everything]
-    halves: list[list[int]] = [[], []]
-    loads = [0, 0]
-    for k in sorted(everything, key=lambda k: -work[k]):
-        lighter = int(loads[1] < loads[0])
-        halves[lighter].append(k)
-        loads[lighter] += work[k]
-    if min(loads) < _SMALLER * sum(loads):
-        return [everything]
-    return [sorted(halves[k]) for k in sorted((0, 1), key=lambda k: -loads[k])]
 
 
 #: Nanoseconds that an instruction takes longer for a block than a compiled operation, and those for each time that it
@@ -337,52 +340,3 @@ _TO_A_PLACE = 6
 def _fits_the_stack(tape: Tape) -> bool:
     """Whether machine code of a tape would keep its values within :data:`STACK`."""
     return 8 * engine.vector_width() * len(tape.ops) // _TO_A_PLACE <= STACK
-
-
-class _Absent(Exception):
-    """There is no machine code, and none is wanted yet."""
-
-
-@without_collection()
-def _load_or_compile(kernels: KernelSet, cache: bool, *, wanted: bool) -> bool:
-    """Machine code for all kernels; False where some was not at hand, and is not ``wanted`` or not possible."""
-    level = effort(kernels.tapes)
-    divided = parts(kernels.tapes)
-    groups = [([kernels.tapes[k] for k in part], [kernels.runs[k] for k in part]) for part in divided]
-    made: dict[int, bytes] = {}
-
-    def make(number: int) -> bytes:
-        if not wanted or not all(map(_fits_the_stack, groups[number][0])):
-            raise _Absent
-        if number not in made:  # nor will the later ones be found
-            from stc.codegen.compiling import compile_modules
-
-            later = [k for k in range(number + 1, len(groups)) if all(map(_fits_the_stack, groups[k][0]))]
-            missing = [number, *later]
-            codes = compile_modules([partial(_own_ir, *groups[k]) for k in missing], level)
-            made.update(zip(missing, codes, strict=True))
-        return made[number]
-
-    kernels.cached = complete = True
-    for number, positions in enumerate(divided):
-        if all(kernels[position].is_compiled for position in positions):
-            continue
-        tapes, runs = groups[number]
-        names = [f"kernel{k}" for k in range(len(positions))]
-        key = object_cache.key_of(
-            "kernels",
-            engine.fingerprint(),
-            f"width {engine.vector_width()} level {level}",
-            *(tape.digest() for tape in tapes),
-            *(of_tape.digest() for of_tape in runs),
-        )
-        entries = [name + ".packed" for name in names]
-        try:
-            loaded, cached = engine.cached_object(key, entries, partial(make, number), use_cache=cache)
-        except _Absent:
-            kernels.cached = complete = False
-            continue
-        kernels.cached &= cached
-        for name, position in zip(names, positions, strict=True):
-            kernels[position].install(loaded, name)
-    return complete

@@ -8,7 +8,7 @@ allocator was made for unknown futures, makes compilation four times faster and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable
 
 from stc.codegen.fusion import Fused, reads_of
 from stc.codegen.tape import Tape
@@ -26,9 +26,7 @@ class Residency:
         vector: receives the instructions that move values.
         capacity: how many values may stay in registers between two operations.
         shared: slot -> place of the values that lie in memory from the start, in ``%shared``.
-        outside: slots of varying inputs that one load fetches, whenever they are needed.
-        load: emits the code that does so.
-        fetch: emits the code that fetches another varying input; returns the registers of all that come with it.
+        load: emits the code that loads a varying input; returns the register.
     """
 
     def __init__(
@@ -38,17 +36,13 @@ class Residency:
         vector: Vector,
         capacity: int,
         shared: dict[int, int],
-        outside: Set[int],
         load: Callable[[int], str],
-        fetch: Callable[[int], dict[int, str]],
     ) -> None:
         self._vector = vector
         self._capacity = capacity
         self._shared = shared
-        self._outside = outside
+        self._outside = range(tape.n_uniform, tape.first_literal)
         self._load_outside = load
-        self._fetch = fetch
-        self._size = 8 * vector.lanes
         self._uses = _uses(tape, fused)
         self._registers: dict[int, str] = {}  # slot -> register
         self._next_use: dict[int, int] = {}  # slot -> operation, for slots in registers
@@ -56,33 +50,18 @@ class Residency:
         self._free: list[int] = []
         self.places = 0  # size of ``%homes``, in vectors
 
-    def _pointer(self, base: str, place: int) -> str:
-        return self._vector.let(f"getelementptr inbounds i8, ptr %{base}, i64 {place * self._size}")
-
-    def _load(self, base: str, place: int) -> str:
-        return self._vector.let(
-            f"load {self._vector.f}, ptr {self._pointer(base, place)}, align {self._size}"
-        )
-
     def operand(self, slot: int, pinned: tuple[int, ...] = ()) -> str:
         """A register that holds the value, or a load for this one use; ``pinned`` slots are not moved away."""
         place = self._shared.get(slot)
         if place is not None:
-            return self._load("shared", place)
+            return self._vector.load("%shared", place)
         register = self._registers.get(slot)
         if register is not None:
             return register
         if slot in self._outside:
             register = self._load_outside(slot)
-        elif slot in self._homes:
-            register = self._load("homes", self._homes[slot])
         else:
-            fetched = self._fetch(slot)
-            for other, its_register in fetched.items():
-                if other != slot:
-                    self.hold(other, its_register, (*pinned, slot))
-            self.hold(slot, fetched[slot], pinned)
-            return fetched[slot]
+            register = self._vector.load("%homes", self._homes[slot])
         uses = self._uses[slot]
         later = uses[-2] if len(uses) > 1 else _NEVER
         if later < max(self._next_use.values(), default=_NEVER):  # worth a register; else it is for once
@@ -122,8 +101,7 @@ class Residency:
             place = self.places
             self.places += 1
         self._homes[victim] = place
-        pointer = self._pointer("homes", place)
-        self._vector.lines.append(f"  store {self._vector.f} {register}, ptr {pointer}, align {self._size}")
+        self._vector.store(register, "%homes", place)
 
     def used(self, slot: int) -> None:
         """The operation being emitted has read the value."""

@@ -56,7 +56,7 @@ CIRCULAR: Final = ("sin", "cos", "tan")
 """The operators that have most of their work in common, if they have their operand in common."""
 
 TOGETHER: Final = 4
-"""Sines and cosines of so many angles are computed together; see :func:`stc.codegen.vector_math.sines_cosines`."""
+"""Sines and cosines of so many angles are computed by one call."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,13 +21,12 @@ import ctypes
 import os
 import threading
 from collections.abc import Sequence
-from pathlib import Path
 
 from stc.core import library as core
 from stc.core.calls import Bound, chain, packed_address
 from stc.errors import UsageError
 
-__all__ = ["Record", "allowed", "limit", "parallel", "record", "spare"]
+__all__ = ["Record", "allowed", "limit", "parallel", "record"]
 
 _MOST = 2
 _limit: int | None = None
@@ -70,24 +69,6 @@ def _processors() -> int:
         return len(os.sched_getaffinity(0))
     except (AttributeError, OSError):  # not on every system
         return os.cpu_count() or 1
-
-
-def spare() -> bool:
-    """Whether a second thread may be used and a processor has nothing else to do, where the system tells.
-
-    For what is done once and cannot be tried both ways: two threads that get one processor between them take longer
-    than one does.
-    """
-    return allowed() > 1 and min(_running() for _ in range(3)) < (os.cpu_count() or 1)
-
-
-def _running() -> int:
-    """How many threads of all processes run or wait for a processor just now, the caller included; 1 if unknown."""
-    try:
-        with Path("/proc/loadavg").open(encoding="ascii") as file:
-            return int(file.read().split()[3].split("/")[0])
-    except (OSError, ValueError, IndexError):  # not on every system
-        return 1
 
 
 #: How often a list has been timed; the nanoseconds that it took alone and with help lately; how many runs are left

@@ -1,4 +1,4 @@
-/* Prepared calls: lists of them, shared by two threads, and the instructions of tapes as one.
+/* Prepared calls: lists of them, shared by two threads, and tapes as one.
  *
  * A prepared call is a function and the address of its arguments, which stay where they are.  So every call has the
  * same form, a list of calls is a prepared call itself, and functions that know nothing of each other make each
@@ -71,12 +71,7 @@ API void pool_stop(pool *p);
 /* Make all calls of a list, on two threads where that is allowed and has been the faster way. */
 API int64_t job_run(job *j);
 
-/* --- Copies (copy.c). */
-
-/* As memmove. */
-API void *copy_block(void *to, const void *from, size_t size);
-
-/* --- A tape's instructions, followed for many instances (tapes.c). */
+/* --- A tape, evaluated for many instances: by its instructions (tapes.c), or by machine code made from it. */
 
 typedef struct {
     int32_t op, d, a, b, c; /* what to do, the row of the result, those of operands; numbers of inputs and outputs */
@@ -87,19 +82,25 @@ typedef struct {
     const double *workspace, *uniform;
     const int32_t *index; /* (blocks, runs, 4): where in the workspace runs of inputs begin */
     double *out;          /* (blocks, outputs, 4) */
-    const double *kept;   /* (blocks, width, 4) outputs of another kernel */
+    const double *kept;   /* (blocks, width, 4) outputs of another tape */
+    const double *literals;
+    const void *const *functions; /* tape_functions() */
     int64_t blocks;
+    int64_t index_stride, out_stride, kept_stride; /* from one block to the next */
+    /* What machine code does without. */
     void (**compiled)(void *); /* machine code for the same, called instead from the moment on that there is some */
     const instruction *code;
-    const double *literals;
-    double *rows;  /* 64 numbers for each value, aligned to lines of caches */
-    int64_t *work; /* counts instructions times blocks */
+    double *rows;        /* 64 numbers for each value, aligned to lines of caches */
+    int64_t *work;       /* counts instructions times blocks */
     int64_t head, count; /* so many instructions are followed once for all blocks, and so many in all */
-    int64_t index_stride, out_stride, kept_stride; /* from one block to the next */
 } tape_call;
 
 API int64_t tape_run(tape_call *c);
 /* The names of all instructions, in order, with spaces between. */
 API const char *tape_instructions(void);
+/* By the number of an instruction, what machine code calls for it; NULL for most.  For functions, powers and "sincos"
+ * that is a function (from, to, count): count operands, then as many second ones; count results, then as many second
+ * ones.  For "fetch" it is (tape_call *, block, to, each, vectors): all inputs of some vectors of one or two blocks each. */
+API const void *const *tape_functions(void);
 
 #endif

@@ -16,6 +16,7 @@ typedef struct {
     int32_t *weight;            /* of live nodes; negated while in the new element */
     int32_t *degree, *up;       /* up: whom a node is merged with, or an element absorbed by */
     int32_t *head, *next, *previous;
+    int32_t listed;             /* nodes in the lists by degree */
     int32_t *hash_head, *hash_next;
     uint8_t *state;
     const int32_t *stage;       /* which nodes go first */
@@ -67,12 +68,14 @@ static void enter(quotient *q, int32_t i) {
     q->previous[i] = -1 - d;
     if (first >= 0) q->previous[first] = i;
     q->head[d] = i;
+    q->listed++;
 }
 
 static void leave(quotient *q, int32_t i) {
     int32_t before = q->previous[i], after = q->next[i];
     if (before < 0) q->head[-1 - before] = after; else q->next[before] = after;
     if (after >= 0) q->previous[after] = before;
+    q->listed--;
 }
 
 /* Adds the live nodes of a list to the new element at the end of all lists. */
@@ -115,8 +118,7 @@ int minimum_degree(int32_t nodes, const int64_t *start, const int32_t *index, co
     }
     q.stage = stage;
     for (q.now = -1; done < total;) {
-        while (least <= total && q.head[least] < 0) least++;
-        if (least > total) { /* the next stage */
+        if (!q.listed) { /* the next stage */
             q.now = now;
             for (int32_t i = of_stage[now++]; i >= 0; i = stage_next[i])
                 if (q.state[i] == ALIVE) {
@@ -125,6 +127,7 @@ int minimum_degree(int32_t nodes, const int64_t *start, const int32_t *index, co
                 }
             continue;
         }
+        while (q.head[least] < 0) least++;
         int32_t p = q.head[least];
         leave(&q, p);
         /* The new element: whatever p couples with. */

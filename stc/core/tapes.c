@@ -1,5 +1,5 @@
 /* Goes through the instructions of a tape, for some blocks of instances at once, so that to look at an instruction takes
- * less than to follow it.  Values are in rows, a number for each of these instances:
+ * less than to follow it; and what machine code of tapes calls.  Values are in rows, a number for each of these instances:
  *
  *     head    once per call: uniform inputs and literals spread over a row, uniform operations
  *     body    for each chunk: runs of varying inputs fetched, operations, outputs stored
@@ -27,19 +27,17 @@ typedef int64_t places __attribute__((vector_size(32)));
 #define SHUFFLED(a, b, i, j, k, l) __builtin_shuffle(a, b, (places){i, j, k, l})
 #endif
 
-/* The runs of inputs of some blocks, into RUN rows from `row` on. */
-static void fetch(const tape_call *c, const int32_t *index, double *row, int64_t blocks) {
-    for (int64_t k = 0; k < blocks; k++, index += c->index_stride, row += BLOCK) {
-        four a = *(const four *)(c->workspace + index[0]), b = *(const four *)(c->workspace + index[1]);
-        four d = *(const four *)(c->workspace + index[2]), e = *(const four *)(c->workspace + index[3]);
-        four ab = SHUFFLED(a, b, 0, 4, 2, 6), de = SHUFFLED(d, e, 0, 4, 2, 6);
-        *(four *)row = SHUFFLED(ab, de, 0, 1, 4, 5);
-        *(four *)(row + 2 * ROW) = SHUFFLED(ab, de, 2, 3, 6, 7);
-        ab = SHUFFLED(a, b, 1, 5, 3, 7);
-        de = SHUFFLED(d, e, 1, 5, 3, 7);
-        *(four *)(row + ROW) = SHUFFLED(ab, de, 0, 1, 4, 5);
-        *(four *)(row + 3 * ROW) = SHUFFLED(ab, de, 2, 3, 6, 7);
-    }
+/* A run of inputs of four instances: RUN numbers of each, which lie `apart` from those of the next one in the target. */
+static inline void fetch(const double *workspace, const int32_t *index, double *to, int64_t apart) {
+    four a = *(const four *)(workspace + index[0]), b = *(const four *)(workspace + index[1]);
+    four d = *(const four *)(workspace + index[2]), e = *(const four *)(workspace + index[3]);
+    four ab = SHUFFLED(a, b, 0, 4, 2, 6), de = SHUFFLED(d, e, 0, 4, 2, 6);
+    *(four *)to = SHUFFLED(ab, de, 0, 1, 4, 5);
+    *(four *)(to + 2 * apart) = SHUFFLED(ab, de, 2, 3, 6, 7);
+    ab = SHUFFLED(a, b, 1, 5, 3, 7);
+    de = SHUFFLED(d, e, 1, 5, 3, 7);
+    *(four *)(to + apart) = SHUFFLED(ab, de, 0, 1, 4, 5);
+    *(four *)(to + 3 * apart) = SHUFFLED(ab, de, 2, 3, 6, 7);
 }
 
 /* Vectors may reach beyond the last block, where rows have numbers that mean nothing; places in memory may not. */
@@ -48,11 +46,53 @@ static void fetch(const tape_call *c, const int32_t *index, double *row, int64_t
 #define B (*(const lanes *)(b + k))
 #define C (*(const lanes *)(c + k))
 #define D (*(lanes *)(d + k))
-#define FOLLOW(name, value) case name##_: EACH D = value; break
+#define FOLLOW(name, value) case name##_: EACH D = value; break;
+
+/* What machine code leaves to functions. */
+#define FUNCTIONS(each) \
+    each(asin, angle_of(A, leg_of(A))) each(acos, angle_of(leg_of(A), A)) each(atan, angle_of(A, all_of(1.0))) \
+    each(atan2, angle_of(A, B)) each(sinh, sinh_of(A)) each(cosh, cosh_of(A)) each(tanh, tanh_of(A)) \
+    each(exp, exp_of(A, NULL)) each(log, log_of(A)) each(pow, pow_of(A, B))
 
 static void spread(double *row, double x) {
     for (int k = 0; k < ROW; k++) row[k] = x;
 }
+
+/* --- Called by machine code. */
+
+#define APPLIED(name, value) \
+    static void name##_applied(const double *a, double *d, int64_t count) { \
+        const double *b = a + count; \
+        (void)b; \
+        EACH D = value; \
+    }
+FUNCTIONS(APPLIED)
+
+/* From the end, since a vector may reach beyond: what it leaves there is overwritten. */
+static void sincos_applied(const double *a, double *d, int64_t count) {
+    for (int64_t k = (count - 1) / LANES * LANES; k >= 0; k -= LANES) sine_cosine(A, &D, (lanes *)(d + count + k));
+}
+
+/* All runs of inputs of some vectors, each of one block or of two beside each other; the last block stands in for one
+ * that is missing. */
+static void fetch_applied(const tape_call *t, int64_t block, double *to, int64_t each, int64_t vectors) {
+    for (const int64_t end = block + each * vectors; block < end && block < t->blocks; block += each) {
+        for (int64_t part = 0; part < each; part++) {
+            const int64_t its = block + part < t->blocks ? block + part : block;
+            const int32_t *index = t->index + its * t->index_stride, *last = index + t->index_stride;
+            for (double *run = to + BLOCK * part; index < last; index += BLOCK, run += RUN * BLOCK * each)
+                fetch(t->workspace, index, run, BLOCK * each);
+        }
+        to += RUN * each * t->index_stride;
+    }
+}
+
+#define LISTED(name, value) [name##_] = (const void *)name##_applied,
+static const void *const functions[] = {FUNCTIONS(LISTED) LISTED(sincos, ) LISTED(fetch, )};
+
+const void *const *tape_functions(void) { return functions; }
+
+/* --- Instructions. */
 
 /* Some instructions for some blocks, the first of which is `block`. */
 static void follow(const tape_call *t, const instruction *i, const instruction *end, int64_t block, int64_t blocks) {
@@ -66,7 +106,11 @@ static void follow(const tape_call *t, const instruction *i, const instruction *
         switch (i->op) {
         case uniform_: spread(d, t->uniform[i->a]); break;
         case literal_: spread(d, t->literals[i->a]); break;
-        case fetch_: fetch(t, t->index + block * t->index_stride + BLOCK * i->a, d, blocks); break;
+        case fetch_: {
+            const int32_t *index = t->index + block * t->index_stride + BLOCK * i->a;
+            for (int64_t k = 0; k < blocks; k++) fetch(t->workspace, index + k * t->index_stride, d + BLOCK * k, ROW);
+            break;
+        }
         case kept_: {
             const double *from = t->kept + block * t->kept_stride + BLOCK * i->a;
             for (int64_t k = 0; k < blocks; k++) *(four *)(d + BLOCK * k) = *(const four *)(from + k * t->kept_stride);
@@ -77,29 +121,20 @@ static void follow(const tape_call *t, const instruction *i, const instruction *
             for (int64_t k = 0; k < blocks; k++) *(four *)(to + k * t->out_stride) = *(const four *)(a + BLOCK * k);
             break;
         }
-        FOLLOW(add, A + B);
-        FOLLOW(sub, A - B);
-        FOLLOW(mul, A * B);
-        FOLLOW(div, A / B);
-        FOLLOW(neg, -A);
-        FOLLOW(sqrt, root_of(A));
-        FOLLOW(fma, fused_of(A, B, C));
-        FOLLOW(fms, fused_of(A, B, -C));
-        FOLLOW(fnma, fused_of(-A, B, C));
+        FOLLOW(add, A + B)
+        FOLLOW(sub, A - B)
+        FOLLOW(mul, A * B)
+        FOLLOW(div, A / B)
+        FOLLOW(neg, -A)
+        FOLLOW(sqrt, root_of(A))
+        FOLLOW(fma, fused_of(A, B, C))
+        FOLLOW(fms, fused_of(A, B, -C))
+        FOLLOW(fnma, fused_of(-A, B, C))
         case sin_: EACH sine_cosine(A, &D, &other); break;
         case cos_: EACH sine_cosine(A, &other, &D); break;
         case sincos_: EACH sine_cosine(A, &D, (lanes *)(c + k)); break;
         case tan_: EACH { lanes s; sine_cosine(A, &s, &other); D = s / other; } break;
-        FOLLOW(asin, angle_of(A, leg_of(A)));
-        FOLLOW(acos, angle_of(leg_of(A), A));
-        FOLLOW(atan, angle_of(A, all_of(1.0)));
-        FOLLOW(atan2, angle_of(A, B));
-        FOLLOW(sinh, sinh_of(A));
-        FOLLOW(cosh, cosh_of(A));
-        FOLLOW(tanh, tanh_of(A));
-        FOLLOW(exp, exp_of(A, NULL));
-        FOLLOW(log, log_of(A));
-        FOLLOW(pow, pow_of(A, B));
+        FUNCTIONS(FOLLOW)
         /* Looking up a table: stc/symbolic/tables.py. */
         case clip_:
             for (int64_t k = 0; k < count; k++) {

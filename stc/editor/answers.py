@@ -34,7 +34,8 @@ class Completion:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where a name comes from: characters of the text itself (``file`` is None), or a line of a file, from 1."""
+    """The place at which a name is declared: a range of characters of the spec (``file`` is None), or a line of a file,
+    counted from 1."""
 
     file: Path | None
     start: int = 0
@@ -43,7 +44,7 @@ class Target:
 
 
 def completions(names: Mapping[str, Known], text: str, offset: int) -> list[Completion]:
-    """What can be written at a place.
+    """The completions at a character of the text.
 
     Args:
         names: of this text or of a recent one.
@@ -87,7 +88,9 @@ def _next_parts(names: Mapping[str, Known], path: str) -> Iterator[Completion]:
 def hover(
     reading: Reading, names: Mapping[str, Known], offset: int, last: LastSolution
 ) -> tuple[str, int, int] | None:
-    """What stands at a place, in Markdown, and from where to where it does; None for nothing that has a meaning."""
+    """The description, in Markdown, of the word at a character of the text, and the range of that word; None if the
+    word
+    has no meaning in the language."""
     word, start, end = reading.word_at(offset)
     known = names.get(word) or _thing(names, word)
     if known is None:
@@ -123,7 +126,9 @@ def _thing(names: Mapping[str, Known], word: str) -> Known | None:
 
 
 def targets(reading: Reading, names: Mapping[str, Known], offset: int) -> list[Target]:
-    """Where what stands at a place is declared, in the text or in the model's file, or the file that it names."""
+    """The declarations of the word at a character of the text, in the text or in the model's file; for the name of a
+    file, that file.
+    """
     word, _, _ = reading.word_at(offset)
     if word.startswith('"') and word.count('"') == 2 and word.endswith('"'):
         file = file_of(reading, word.strip('"'))

@@ -1,4 +1,4 @@
-"""What the names of a spec and the paths of its model stand for, and where they come from."""
+"""The meaning of the names of a spec and of the paths of its model, and the places where they are declared."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def _columns(data: Data) -> Iterator[tuple[str, str]]:
 
 
 def _describe(found: dict[str, Known], model: ModelScope) -> None:
-    """Note what the model brings, with what it is and where it stands in the model's file."""
+    """Add the elements of the model, each with its kind and its place in the model's file, to the known names."""
     things: dict[tuple[str, str], tuple[str, Place | None]] = {}
     for kind, attribute in _THINGS.items():
         for thing in getattr(model.mechanism, attribute):

@@ -25,7 +25,7 @@ _PATH_PARTS = ("name", "string", "*")
 
 @dataclass(slots=True, eq=False)
 class Reading:
-    """What is known of one version of a text.
+    """One version of a text, parsed.
 
     All offsets here and in :mod:`stc.editor.names` count the characters of the text as it is written.
 
@@ -79,7 +79,7 @@ class Reading:
 
     @property
     def folder(self) -> Path:
-        """Where the files that the spec names are looked up."""
+        """The folder in which files named by the spec are looked up."""
         return Path(self.source.path).parent if self.source.path else Path()
 
 
@@ -90,7 +90,7 @@ def section_at(text: str, offset: int) -> str:
 
 
 def read(source: Source) -> Reading:
-    """Read a text; whatever is wrong with it is among the diagnostics of the result, and nothing is raised."""
+    """Parse a text. Its mistakes are among the diagnostics of the result; no exception is raised for them."""
     diagnostics = Diagnostics(source)
     found = Reading(source, [], tokenize(source, Diagnostics(source), repetitions=True))
     more: list[Diagnostic] = []

@@ -1,4 +1,4 @@
-"""What the words of the language mean, in a line each."""
+"""The meaning of each word of the language, in one line."""
 
 from __future__ import annotations
 

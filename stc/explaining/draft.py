@@ -38,7 +38,7 @@ TABLE, FOLLOW = "recorded", "w_follow"
 
 @dataclass(slots=True)
 class Draft:
-    """What is stated of a motion.
+    """The statements of a spec for a recorded motion.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class Draft:
 
 
 def draft(recording: Recording, name: str, model: Path, folder: Path) -> Draft:
-    """What can be stated of a recorded motion before weights are known.
+    """The statements about a recorded motion that do not depend on the weights.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ class _Ends:
         self.travel = _travel(self.mechanism)
 
     def _straight(self) -> NDArray[np.bool_]:
-        """Which velocities are in m/s, (nv,)."""
+        """(nv,) whether a velocity is in m/s; the others are in rad/s."""
         found = []
         for joint in self.mechanism.joints:
             found += {
@@ -370,7 +370,7 @@ class _Ends:
 
 
 def _travel(mechanism: Mechanism) -> dict[int, tuple[int, float]]:
-    """By the world's axis the place in ``qpos`` of the root's coordinate along it, and its direction."""
+    """For each axis along which the root moves, the index of its coordinate in ``qpos`` and its direction."""
     found: dict[int, tuple[int, float]] = {}
     for joint in mechanism.joints:
         body = mechanism.bodies[joint.body]

@@ -11,12 +11,15 @@ from __future__ import annotations
 import csv
 import math
 import re
+import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc import npz
 from stc.errors import UsageError
 from stc.language.model.scope import Coordinates, coordinates_of
 from stc.mechanism.mechanism import Mechanism
@@ -88,7 +91,7 @@ class Recording:
 
     @property
     def coordinates(self) -> list[Coordinates]:
-        """What the variables of each joint are called."""
+        """The names of the variables of each joint."""
         return [coordinates_of(joint) for joint in self.mechanism.joints]
 
     @property
@@ -195,19 +198,24 @@ def _found(columns: dict[str, tuple[str, FloatArray]], name: str) -> FloatArray 
 
 
 def _columns(path: Path) -> dict[str, tuple[str, FloatArray]]:
-    """The numbers of each column by its name, with its unit where it tells one.
+    """The unit (empty if none is given) and the numbers of each column, by its name.
 
     Raises
     ------
     UsageError
         The file cannot be read.
     """
+    if not path.is_file():
+        raise UsageError(f"there is no file `{path}`")
     if path.suffix.lower() == ".npz":
         try:
-            with np.load(path) as archive:
-                return {name: ("", np.asarray(archive[name], dtype=float)) for name in archive.files}
-        except (OSError, ValueError) as error:
+            arrays = npz.load(path, compressed=True)
+            return {name: ("", np.asarray(values, dtype=float)) for name, values in arrays.items()}
+        except npz.ContentsError as error:
             raise UsageError(f"{path} cannot be read as an archive of numbers: {error}") from None
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+            why = "it was cut off, or is no .npz file" if path.stat().st_size else "it is empty"
+            raise UsageError(f"{path} cannot be read as an archive of numbers: {why}") from None
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             lines = [line for line in stream if line.strip() and not line.startswith("#")]
@@ -215,7 +223,10 @@ def _columns(path: Path) -> dict[str, tuple[str, FloatArray]]:
         raise UsageError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not lines:
         raise UsageError(f"{path} is empty")
-    header, *rows = csv.reader(lines, delimiter=max(",;\t", key=lines[0].count))
+    try:
+        header, *rows = csv.reader(lines, delimiter=max(",;\t", key=lines[0].count))
+    except csv.Error as error:
+        raise UsageError(f"{path} is not a table: {error}") from None
     found: dict[str, tuple[str, FloatArray]] = {}
     for k, title in enumerate(header):
         match = re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", title)
@@ -233,7 +244,7 @@ def _number(cell: str) -> float:
 
 
 def _quaternions(mechanism: Mechanism) -> list[slice]:
-    """Where quaternions are among the positions."""
+    """The ranges of indices of the quaternions in ``qpos``."""
     found = []
     for joint in mechanism.joints:
         if joint.kind in ("free", "ball"):
@@ -243,7 +254,7 @@ def _quaternions(mechanism: Mechanism) -> list[slice]:
 
 
 def _continuous(path: Path, quaternions: FloatArray) -> FloatArray:
-    """(k, 4) the same of length one, each with the sign that is nearer to the one before."""
+    """(k, 4) the quaternions with length one, each with the sign that is nearer to the one before."""
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if np.any(np.abs(lengths - 1.0) > 0.1):
         raise UsageError(f"{path}: its quaternions are not of length one")

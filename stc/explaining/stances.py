@@ -37,7 +37,7 @@ _ROUNDS, _STEP = 20, 1e-6
 
 @dataclass(slots=True)
 class Contact:
-    """What touches the floor, and when.
+    """A point that touches the floor, and the frames on which it does.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ def contacts(recording: Recording, n: int) -> list[Contact]:
 def _spans(
     times: FloatArray, path: FloatArray, rests: NDArray[np.bool_], near: NDArray[np.bool_]
 ) -> list[tuple[float, float]]:
-    """From when to when a place stands: about the instants at which it rests, until it has left from there.
+    """The first and last times of each stance of a point: around the instants of rest, until it leaves.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def _name(spot: Spot, number: int) -> str:
 
 
 def _unlike(found: list[Contact]) -> list[Contact]:
-    """Of the points of one body that stand at the same time the first three: what a fourth one bears nothing tells."""
+    """At most three points of a body that stand at the same time: the force on a fourth one is not determined."""
     kept: list[Contact] = []
     for contact in found:
         alike = [one for one in kept if one.spot.body == contact.spot.body and one.ranges == contact.ranges]

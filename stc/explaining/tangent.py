@@ -63,7 +63,7 @@ class Tangent:
         return np.asarray((gradients.T * self.sizes).T[self.free])
 
     def balanced(self, gradient: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The multipliers that leave least of a gradient (n,), of all rows, (m,); and what is left of it, scaled."""
+        """The row multipliers (m,) that balance a gradient (n,) best, and the scaled remainder of the gradient."""
         from scipy.sparse import block_array, diags_array
         from scipy.sparse.linalg import splu
 
@@ -80,7 +80,7 @@ class Tangent:
         return multipliers, found[:size]
 
     def moves(self, multipliers: FloatArray, gradients: FloatArray) -> FloatArray:
-        """Where Newton's method moves the point for gradients (n, k) that are added to the program's, (n, k).
+        """(n, k) the Newton steps of the solution if each of k gradients is added to that of the objective.
 
         Parameters
         ----------

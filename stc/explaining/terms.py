@@ -1,4 +1,4 @@
-"""What a motion may want little of: the terms among which weights are looked for, each with its name and integrand."""
+"""The terms that an objective may contain, each with its name and integrand; their weights are identified."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _leans(recording: Recording) -> bool:
 
 
 def _pose(recording: Recording) -> str:
-    """How far the inner joints are from their means."""
+    """The squared distance of the inner joints from their means, as text of the language."""
     parts = []
     for joint in recording.mechanism.joints:
         if recording.mechanism.bodies[joint.body].parent and joint.kind in ("hinge", "slide"):

@@ -209,7 +209,8 @@ class Inverse:
         return best
 
     def shortened(self, best: Weighing) -> Weighing:
-        """The same with fewer terms, as long as the motion stays about as near to the recorded one."""
+        """The weights without the terms that can be left out while the motion stays about as close to the recorded
+        one."""
         shares = best.shares
         allowed = max((1.0 + WORSE) * best.distance, best.distance + CLOSE)
         while np.count_nonzero(shares) > 1 and not self.clock.is_over:
@@ -274,7 +275,7 @@ class Inverse:
         return Weighing(shares, solution, float(np.sqrt(np.mean(self._residual(solution) ** 2))))
 
     def _residual(self, solution: Solution) -> FloatArray:
-        """How far a motion is from the recorded one, coordinate by coordinate at the frames."""
+        """The differences of all coordinates at all frames between a motion and the recorded one."""
         return np.asarray(solution.x[self._places] - self.target.reshape(-1))
 
     def _slopes(self, best: Weighing) -> FloatArray:

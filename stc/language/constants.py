@@ -50,7 +50,8 @@ class Constants:
         for name, value in overrides.items():
             if name in counts and value != counts[name]:
                 raise UsageError(
-                    f"`{name}` is the end of a repetition, which fixes it: it is {counts[name]} in the spec",
+                    f"`{name}` cannot be set from outside: it counts repetitions of the spec, where it is "
+                    f"{counts[name]}",
                     f"change `{name} = {counts[name]}` in the text of the spec",
                 )
             kind = self.table.kind(name)

@@ -408,7 +408,9 @@ class Data:
         if time is None:
             hint = "make a function of it under `data:`, as in " + _example(data, name)
             hint += f"; or give the data a column `{TIME}`, in seconds, and it is one of time"
-            self.diagnostics.error(f"`{path.name}` is a column of numbers", path.start, path.end, hint)
+            self.diagnostics.error(
+                f"`{path.name}` is a column of numbers, not a function", path.start, path.end, hint
+            )
             return None
         of_time = syntax.Name(path.start, path.end, f"{data.name}.{TIME}"), (data, TIME, time)
         if values.shape != time.shape or time.ndim != 1:
@@ -431,7 +433,7 @@ class Data:
         return curve, weight, len(runs) > 1
 
     def weight_of(self, ref: TableRef) -> tuple[TableRef, bool]:
-        """For a function of time, the function that is 1 where it has numbers, and whether there are gaps."""
+        """The function of time that is 1 where a column has numbers and 0 in its gaps, and whether there are gaps."""
         for found in self._references.values():
             if found is not None and found[0] == ref.base:
                 return found[1], found[2]

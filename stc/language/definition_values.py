@@ -1,4 +1,4 @@
-"""The values of definitions, and of the one that is special: the step ``h``."""
+"""The values of definitions, and of the step ``h``, which has rules of its own."""
 
 from __future__ import annotations
 

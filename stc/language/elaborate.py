@@ -80,7 +80,9 @@ def elaborate_with_recovery(
 def elaborator(
     tree: syntax.SpecTree, overrides: Mapping[str, float], method: str | None, diagnostics: Diagnostics
 ) -> Elaborator:
-    """What makes a tree's problem; before it does, it knows the names of the spec and the values of its constants."""
+    """The elaborator of a syntax tree. It knows the names of the spec and the values of its constants from the
+    start, and
+    makes the problem when asked to."""
     if method is not None and method not in METHODS:
         raise UsageError(
             f"there is no method `{method}`",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from stc.language.words import SECTIONS
+
 if TYPE_CHECKING:
     from stc.language.expression_parser import ExpressionParser
 
@@ -29,6 +31,8 @@ def vector_hint(parser: ExpressionParser, name: str) -> str:
     """The hint for ``name[3]`` in a declaration, of which the bracket is the current token."""
     if parser.kind not in ("[", "(", ".."):
         return ""
+    if name in SECTIONS:
+        return f"a colon is missing after the name of a section: `{name}:`"
     if parser.kind == "..":
         return _range_hint(parser, name)
     items = listed(parser, parser.at)

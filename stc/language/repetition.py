@@ -422,7 +422,7 @@ class _Writer:
             return str(value)
         if part.glued:
             raise self.fail(
-                part.value, f"this is {value} for {_listed(values)}, which is not a part of a name"
+                part.value, f"this is {value} for {_listed(values)}, and a name cannot contain a minus sign"
             )
         return f"({value})"
 

@@ -176,7 +176,7 @@ def _is_servo(actuator: Actuator) -> bool:
 
 
 def _nearest(given: Expr, line: Transmission) -> Expr:
-    """Of the angles that differ from a given one by whole turns, the nearest to the present one."""
+    """The angle nearest to the present one among those that differ from a given one by whole turns."""
     share = num(3.141592653589793 / line.period)
     off = call("atan", call("tan", mul(share, sub(given, line.length))))
     return add(line.length, div(off, share))

@@ -157,7 +157,7 @@ def _with(entries: Iterable[float], index: int, value: float) -> tuple[float, ..
 def _replaced(
     mechanism: Mechanism, attribute: str, name: str, change: Callable[[Any], dict[str, Any]]
 ) -> Mechanism:
-    """The model with one of its things changed."""
+    """The model with one element changed."""
     things = getattr(mechanism, attribute)
     changed_ones = tuple([replace(one, **change(one)) if one.name == name else one for one in things])
     fields: dict[str, Any] = {attribute: changed_ones}

@@ -81,7 +81,7 @@ def stationary_violation(nlp: NLP, x: Floats, weights: Floats) -> tuple[float, F
 
 
 def _active(nlp: NLP, x: Floats, slack: float) -> tuple[Mask, Mask, Mask, Mask]:
-    """Which rows are at their lower and upper bound, and which variables are."""
+    """Masks of the rows at their lower bounds and at their upper bounds, and the same for the variables."""
     _, r = nlp.values(x)
     rows = at_bounds(r, nlp.row_lower, nlp.row_upper, slack)
     return *rows, *at_bounds(x, nlp.x_lower, nlp.x_upper, slack)

@@ -146,7 +146,7 @@ class _Child:
         return message
 
     def end(self) -> None:
-        """End it, wherever it is."""
+        """End the child process at once."""
         if self._process:
             with suppress(ProcessLookupError):
                 os.kill(self._process, signal.SIGKILL)

@@ -117,7 +117,7 @@ ALGORITHMS: dict[str, Algorithm] = {
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """An algorithm with the one for its subproblems, or None."""
+    """An algorithm, and the algorithm for its subproblems (None if it has none)."""
 
     name: str
     algorithm: Algorithm

@@ -105,10 +105,8 @@ def bends_upwards(form: ScaledProblem) -> bool:
 
 
 def _pair_of(form: ScaledProblem) -> ProjectionPair:
-    """Where the form's points are evaluated."""
-    if form.projections is None:
-        form.projections = ProjectionPair(form)
-    return form.projections
+    """The pair of points at which the functions of the form are evaluated; made on first use."""
+    return form.keep(ProjectionPair)
 
 
 class Finish:
@@ -155,7 +153,8 @@ def _balancing(form: ScaledProblem, jac: Floats, free: Mask, active: Mask) -> Ca
 
 
 def fitting_multipliers(form: ScaledProblem, x: Floats) -> Floats:
-    """Row multipliers (m,) that make the Lagrangian's gradient smallest at a point ``x`` (n,) that came without.
+    """Row multipliers (m,) that make the Lagrangian's gradient smallest at a point ``x`` (n,) given without
+    multipliers.
 
     All rows and bounds that hold with equality there count at first; then those are left out, all at once, whose
     multipliers would have to pull the wrong way, until none has to.

@@ -2,9 +2,10 @@
 
 Both nearly, by large diagonals, as those of a barrier method are near its end; and active inequalities give way a
 little.  So the matrix is like others before it, and whatever has eliminated those eliminates it as well, which it would
-not if entries were missing.  What that leaves is a millionth of a step or so: the next one, or a correction with the
-same factorisation, has it from the true conditions.  (As penalties and shifts that refinements take out: J. Nocedal and
-S. J. Wright, Numerical Optimization, 2006, sections 17.1 and 16.3.)
+not if entries were missing.  The diagonals are so large that what is left out adds next to nothing even to curvature
+that is next to nothing itself; rows that give way leave a millionth of a step or so: the next one, or a correction with
+the same factorisation, has it from the true conditions.  (As penalties and shifts that refinements take out: J. Nocedal
+and S. J. Wright, Numerical Optimization, 2006, sections 17.1 and 16.3.)
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def factorize_restricted(
     shifts = ((0.0, 0.0), (0.0, NOTHING), (NOTHING * size, NOTHING))
     m = kkt.dual.size
     while True:
-        write(*shifts[regularity], size / NOTHING)
+        write(*shifts[regularity], size / NOTHING**2)
         try:
             inertia = kkt.refactor()
         except NotFinite:

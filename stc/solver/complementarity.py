@@ -68,7 +68,7 @@ def by_penalty(
 
 
 def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
-    """The results of passes with growing weights, each from where the one before has led."""
+    """The results of passes with growing weights, each from the result of the one before."""
     last = weight / ACCEPTABLE
     while weight <= last:
         result = passes.penalised(weight, start)
@@ -82,7 +82,7 @@ def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
 
 @dataclass(slots=True)
 class _Passes:
-    """What passes have in common, and what they take together."""
+    """Data that all passes share, and the sums of their iterations and times."""
 
     nlp: NLP
     pairs: Pairs
@@ -100,7 +100,7 @@ class _Passes:
         return self._as_of(passed, program.all_multipliers(passed.row_multipliers))
 
     def held(self, result: Result) -> Result:
-        """From a point where pairs are nearly complementary, with the smaller side of each held at nothing."""
+        """Solve from a point where pairs are nearly complementary, with the smaller side of each pair fixed at zero."""
         nlp, pairs = self.nlp, self.pairs
         spare = pairs.spare(nlp, result.x, nlp.values(result.x)[1])
         which = spare.argmin(axis=1)
@@ -166,8 +166,11 @@ class _Passes:
 
 
 def _first_weight(nlp: NLP, pairs: Pairs, start: Start) -> float:
-    """That of an earlier solution, which products have as their multiplier; else one that lets the penalty's gradient
-    matter as much as the objective's, a little way off the start, where neither is flat by chance."""
+    """The first weight of the penalty.
+
+    That is the largest multiplier of a product in an earlier solution. Without one, it is the weight for which the
+    gradients of penalty and objective are equally large a little way off the start, where neither is flat by chance.
+    """
     if start.row_multipliers is not None:
         known = float(np.abs(start.row_multipliers[pairs.product]).max(initial=0.0))
         if known > 0.0:

@@ -1,4 +1,4 @@
-"""Programs whose feasible points are a convex set: there, a violation that is smallest nearby is smallest of all."""
+"""Detects programs whose feasible set is convex. For these a local minimum of the violation is a global one."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ TRIALS = 16
 
 
 class SecondOrder(Enum):
-    """What became of a stationary point."""
+    """The result of the second-order test at a stationary point."""
 
     HOLDS = "everything bends upwards"
     FLAT = "nothing bends downwards, but something does not bend at all"
@@ -157,7 +157,7 @@ def largest_step(value: Floats, change: Floats, fraction: float) -> float:
 
 
 def second_order_at(form: ScaledProblem, x: Floats, y: Floats, seed: int) -> SecondOrder:
-    """The same at a point (n,) with multipliers (m,), scaled; what is flat is probed as well.
+    """The second-order test at a scaled point (n,) with multipliers (m,); directions without curvature are probed.
 
     In a quadratic program what is flat is flat all the way, and needs no probe. A lower point that this leads to is the
     iterate of the form's workspace.

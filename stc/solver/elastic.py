@@ -141,7 +141,7 @@ class ElasticProblem(Formulation):
         price: cost of one unit of violation of a scaled row.
     """
 
-    def __init__(self, base: ScaledProblem, *, price: float) -> None:
+    def __init__(self, base: ScaledProblem, *, price: float = 1.0) -> None:
         n, m = base.n, base.m
         self._base = weakref.ref(base)  # which may keep this one
         self.price = price

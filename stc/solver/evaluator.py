@@ -101,7 +101,7 @@ class Part:
 
     @classmethod
     def of(cls, nlp: NLP, x: Floats, variables: Mask, rows: Mask) -> Part:
-        """These variables (n,) and rows (m,) of a program, the other variables as in ``x`` (n,)."""
+        """The part of a program with these variables (n,) and rows (m,); other variables are fixed at ``x`` (n,)."""
         new_col = (np.cumsum(variables) - 1).astype(np.int32)
         new_row = (np.cumsum(rows) - 1).astype(np.int32)
         jac = _which(rows[nlp.jac_rows] & variables[nlp.jac_cols])
@@ -170,10 +170,10 @@ class Evaluator:
 
 @runtime_checkable
 class Evaluable(Protocol):
-    """A problem that brings its own evaluators."""
+    """A problem with evaluators of its own."""
 
     def evaluator(self, scaling: Scaling) -> Evaluator:
-        """Arrays and calls for one scaling."""
+        """The evaluator for one scaling: its arrays, and the calls that fill them."""
 
 
 @runtime_checkable
@@ -206,7 +206,7 @@ def status_of(*parts: Floats) -> float:
 
 
 def python_evaluator(nlp: NLP, scaling: Scaling) -> Evaluator:
-    """The same calls for any problem, by way of Python."""
+    """An evaluator for any problem, whose calls go through Python."""
     result = Evaluator.allocate(nlp.n, nlp.m, len(nlp.jac_rows), len(nlp.hess_rows))
     of_gradient = scaling.gradient()
     of_jac = scaling.jacobian(nlp.jac_rows, nlp.jac_cols)

@@ -20,7 +20,7 @@ __all__ = ["least_violation"]
 def least_violation(
     form: ScaledProblem, x: Floats, options: Options, monitor: Monitor
 ) -> tuple[End | None, Outcome]:
-    """Where the sum of the violations leads from ``x`` (n,), however far that is.
+    """Minimise the sum of the violations from ``x`` (n,), without a limit of the distance.
 
     A restoration keeps near where it begins and close to the bounds that hold there; this begins far inside of them.
 

@@ -1,4 +1,4 @@
-"""What the errors of the first-order conditions leave to gain, in units of the objective."""
+"""Estimates how far the objective can still fall, from the errors of the first-order conditions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["possible_gain", "slopes_left"]
 
 
 def possible_gain(nlp: NLP, x: Floats, y: Floats, z: Floats) -> float:
-    """What the objective may still gain or owe at ``x`` (n,), to first order, relative to ``max(1, |f|)``.
+    """First-order estimate of the change of the objective from ``x`` (n,) to the solution, relative to ``max(1, |f|)``.
 
     Sums the error of every condition times the way to where it would hold: multipliers times the distances to
     their bounds, and slopes times the sizes of the variables, but for what rounding leaves of a slope's terms.

@@ -22,7 +22,7 @@ LARGEST = 5_000_000
 
 
 def same(a: Floats, b: Floats) -> bool:
-    """Whether two arrays of one length have the same entries; nobody changes them."""
+    """Whether two arrays of one length have the same entries. They must not be changed later."""
     return a is b or bool((a == b).all())
 
 
@@ -31,7 +31,7 @@ Key = tuple[tuple[Floats, Floats, Floats], tuple[bool, Callable[..., KKTSystem]]
 
 
 class Keeper:
-    """What a solve leaves for the next one of the same program.
+    """Data that a solve keeps for the next one of the same program.
 
     Programs whose functions and bounds of rows never change have one as their attribute ``keeper``.
     """
@@ -41,27 +41,27 @@ class Keeper:
         self._found: dict[object, tuple[tuple[Floats, Floats], Any]] = {}
 
     def once(self, find: Callable[[P], T], nlp: P) -> T:
-        """What ``find`` tells of the program, asked once as long as its bounds are the same."""
+        """The result of ``find``, which is called only once as long as the program's bounds are the same."""
         known = self._found.get(find)
         if known is None or not (same(known[0][0], nlp.x_lower) and same(known[0][1], nlp.x_upper)):
             known = self._found[find] = (nlp.x_lower, nlp.x_upper), find(nlp)
         return cast("T", known[1])
 
     def take(self, key: Key) -> ScaledProblem | None:
-        """What was left under this key; whatever was left is gone then."""
+        """Remove the form that is kept, and return it if it was kept under this key; otherwise None."""
         kept, self._kept = self._kept, None
         if kept is None or kept[0][1] != key[1] or not all(map(same, kept[0][0], key[0])):
             return None
         return kept[1]
 
     def give(self, key: Key, form: ScaledProblem) -> None:
-        """Leave a form, of which nobody makes use any more."""
+        """Keep a form that is no longer in use."""
         form.release()
         self._kept = key, form
 
 
 def once(find: Callable[[P], T], nlp: P) -> T:
-    """What ``find`` tells of a program, asked once where there is somebody to keep it (see ``Keeper.once``)."""
+    """The result of ``find``, kept by the program's keeper if it has one (see ``Keeper.once``)."""
     keeper = _keeper(nlp)
     return find(nlp) if keeper is None else keeper.once(find, nlp)
 
@@ -71,7 +71,7 @@ def _keeper(nlp: NLP) -> Keeper | None:
 
 
 def key_of(nlp: NLP, x0: Floats, options: Options, new_kkt: Callable[..., KKTSystem]) -> Key | None:
-    """What a form of ``nlp`` that is scaled at ``x0`` (n,) depends on; None for programs that are not kept."""
+    """The key of a form of ``nlp`` scaled at ``x0`` (n,); None for programs without a keeper."""
     if _keeper(nlp) is None or nlp.n + nlp.m > LARGEST:
         return None
     return (x0, nlp.x_lower, nlp.x_upper), (options.scaling, new_kkt)

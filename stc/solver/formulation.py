@@ -11,8 +11,9 @@ and the Lagrangian is ``f + y.(r - s) - z.gap``.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 
@@ -29,7 +30,6 @@ from stc.solver.products import Indices, symmetric_times, times
 if TYPE_CHECKING:
     from stc.solver.iterate import Iterate
     from stc.solver.kkt.contract import AttachedKKT, KKTSystem
-    from stc.solver.workspace import Workspace
 
 __all__ = ["Formulation", "linear_system_of", "summed"]
 
@@ -40,6 +40,9 @@ MANY_GAPS = 100
 def summed(index: Ints, values: Floats, size: int) -> Floats:
     """Entry k is the sum of the values whose index is k, (size,)."""
     return cast("Floats", np.bincount(index, weights=values, minlength=size))
+
+
+T = TypeVar("T")
 
 
 def linear_system_of(kkt: AttachedKKT) -> Structure:
@@ -72,7 +75,6 @@ class Formulation(ABC):
         kkt: the linear algebra for this sparsity.
         stated_limits: of rows and of variables: which ones, the limits, and the factors that turn
             ``limit - value`` into a violation in the user's terms.
-        workspace: see :func:`stc.solver.workspace.workspace_of`.
     """
 
     n: int
@@ -83,7 +85,6 @@ class Formulation(ABC):
     linear: bool = False
     quadratic_objective: bool = False
     extra_diagonal: Floats | None = None
-    workspace: Workspace | None = None
     stated_limits: tuple[Indices, Floats, Floats, Indices, Floats, Floats]
 
     def _set_bounds(self, x_lower: Floats, x_upper: Floats, row_lower: Floats, row_upper: Floats) -> None:
@@ -116,6 +117,16 @@ class Formulation(ABC):
         self.kind = np.where(self.equality, EQUALITY, np.where(self.ignored, IGNORED, INEQUALITY)).astype(
             np.int32
         )
+
+    @cached_property
+    def _kept(self) -> dict[object, Any]:
+        return {}
+
+    def keep(self, make: Callable[[Self], T]) -> T:
+        """What ``make`` makes for this form, made once: for one user at a time."""
+        if make not in self._kept:
+            self._kept[make] = make(self)
+        return cast("T", self._kept[make])
 
     @cached_property
     def attached_kkt(self) -> AttachedKKT:

@@ -1,4 +1,4 @@
-"""The point nearest to the origin that meets a program's linear equations: it tells how large its variables are."""
+"""The point nearest to the origin that satisfies a program's linear equations; it shows how large the variables are."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LeastNormProblem:
     """Least squares of the variables, subject to the linear equations of a program: :class:`stc.solver.nlp.NLP`."""
 
     def __init__(self, nlp: NLP, unit: Floats) -> None:
-        """``unit`` is what each variable is measured in, (n,)."""
+        """``unit`` (n,) is the unit of each variable."""
         self._nlp, self._weight = nlp, 1.0 / unit**2
         self.n, self.m = nlp.n, nlp.m
         self.x_lower, self.x_upper = _equal(nlp.x_lower, nlp.x_upper)
@@ -49,13 +49,13 @@ class LeastNormProblem:
 
 
 def _equal(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
-    """The bounds that are equal; none of the others."""
+    """Only the bounds that are equal."""
     equal = lower == upper
     return np.where(equal, lower, -np.inf), np.where(equal, upper, np.inf)
 
 
 def least_norm_point(nlp: NLP, unit: Floats, limits: Options, solve: Solve) -> tuple[Floats, int]:
-    """As near to it as the solver comes, between the bounds, (n,), and the iterations it took.
+    """The solver's approximation of that point within the bounds, (n,), and the number of its iterations.
 
     Args:
         nlp: a program with linear rows.

@@ -72,7 +72,7 @@ class Monitor:
 
     @property
     def watched(self) -> bool:
-        """Whether somebody wants to see every iterate."""
+        """Whether a callback wants to see every iterate."""
         return self._callback is not None
 
     @property

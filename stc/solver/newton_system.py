@@ -104,7 +104,7 @@ class NewtonSystem:
         return inertia
 
     def _is_right(self) -> bool:
-        """Factorise with the shifts as they are; whether the inertia is right."""
+        """Factorise with the present shifts. Returns whether the inertia is right."""
         self.work.run("step_shifted")
         inertia = self._refactor()
         return inertia.zero == 0 and inertia.negative == self.form.m
@@ -132,7 +132,7 @@ class NewtonSystem:
         self.work.s.stiffness, self.work.s.shift = self._before
 
     def bears(self, shift: float) -> bool:
-        """Whether such a shift is enough: the one in use is no larger, or the inertia is right with this one, too."""
+        """Whether a shift is large enough: it is at least the present one, or the inertia is right with it."""
         s = self.work.s
         before = s.shift
         if before <= shift:

@@ -1,4 +1,4 @@
-"""What the solver knows of a problem.
+"""The solver's view of a problem.
 
     minimise    f(x)
     subject to  row_lower <= r(x) <= row_upper

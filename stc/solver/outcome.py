@@ -34,7 +34,7 @@ class End(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Tactics:
-    """What differs from one attempt to the next.
+    """The settings that differ between attempts.
 
     Attributes:
         adaptive: choose the barrier parameter freely while that makes progress.
@@ -55,7 +55,7 @@ class Tactics:
 
 @dataclass(slots=True)
 class Outcome:
-    """Where and why the iteration ended.
+    """The end of the iteration: the last iterate and the reason.
 
     Attributes:
         end: why.

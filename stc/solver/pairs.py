@@ -1,4 +1,4 @@
-"""Which rows of a program are products of two complementary sides, and where these sides are."""
+"""The rows of a program that are products of two complementary sides, and the places of these sides."""
 
 from __future__ import annotations
 

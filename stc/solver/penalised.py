@@ -73,7 +73,7 @@ class Penalised:
         return (whole.row_bends() if isinstance(whole, Bending) else np.zeros(whole.m, np.int8))[self.kept]
 
     def all_multipliers(self, y: Floats) -> Floats:
-        """Those of the whole program's rows, (m,), for ``y`` of the rows that are left."""
+        """The multipliers of all rows of the program, (m,), from those of the remaining rows, ``y``."""
         whole = np.empty(self.whole.m)
         whole[self.kept], whole[self._product] = y, self.weight
         return whole

@@ -1,4 +1,4 @@
-"""What bounds and linear equations determine is found before the solve, which then goes without it.
+"""Finds the variables and rows that bounds and linear equations determine, and removes them before the solve.
 
 A foot that stands still has coordinates, velocities and accelerations at every frame, and as many equations that join
 them: with the first frame and all accelerations given, each equation in turn has one unknown left and says what it is.
@@ -34,7 +34,7 @@ __all__ = ["Determined", "Reduced", "determined_by", "presolved"]
 
 @dataclass(slots=True)
 class Determined:
-    """What is known of a program before it is solved.
+    """The parts of a program that are known before it is solved.
 
     Attributes:
         part: what is left, with the values of what is known.
@@ -75,7 +75,8 @@ class Reduced:
         return self._x
 
     def all_multipliers(self, y: Floats) -> Floats:
-        """Those of the whole program's rows, 0 where left out, (m,), in an array that the next call overwrites."""
+        """The multipliers of all rows of the program, (m,), 0 for removed ones, in an array that the next call
+        overwrites."""
         self._y[self.known.part.rows] = y
         return self._y
 
@@ -126,7 +127,7 @@ class Reduced:
         return Start(x[part.cols], y if y is None else y[part.rows], z if z is None else z[part.cols])
 
     def callback(self, callback: Callback | None) -> Callback | None:
-        """One for this program that tells ``callback`` of the whole one."""
+        """A callback for this program that passes the iterates of the whole program to ``callback``."""
         if callback is None:
             return None
         its = callback
@@ -138,7 +139,10 @@ class Reduced:
         return told
 
     def restored(self, result: Result, options: Options) -> Result | None:
-        """A result of this program as one of the whole, judged as such; None where an optimum does not stand that."""
+        """A result of this program extended to the whole program and assessed there.
+
+        None if an optimal result is not optimal for the whole program.
+        """
         weight = 0.0 if result.status is Status.INFEASIBLE else 1.0
         x, y = self._whole_point(result, weight)
         judged = assess(self.whole, x, y)
@@ -184,7 +188,7 @@ def presolved(nlp: NLP) -> Reduced | None:
 
 
 def determined_by(nlp: NLP) -> Determined | None:
-    """What the bounds and the linear equations of ``nlp`` determine.
+    """The parts of ``nlp`` that its bounds and linear equations determine.
 
     None where equations determine no variable or, within rounding errors, cannot hold together with bounds and other
     rows: the solver says more about that. So it does about functions that have no value.

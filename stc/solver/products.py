@@ -25,8 +25,8 @@ ROUNDED = 16.0 * EPSILON
 ROUGHLY = 1e-12
 """The same after many operations, with a margin."""
 NOTHING = 1e-8
-"""What counts as nothing beside 1: shifts of rows and of curvature (Waechter and Biegler 2006, 3.1). One over it holds
-variables and leaves rows out."""
+"""What counts as nothing beside 1: shifts of rows and of curvature (Waechter and Biegler 2006, 3.1). One over its
+square holds variables and leaves rows out: no curvature that counts comes from that."""
 
 
 def between(x: Floats, lower: Floats, upper: Floats) -> Floats:

@@ -3,10 +3,13 @@
     minimise    g.d + 1/2 d.H d
     subject to  row_lower <= r + J d <= row_upper,    x_lower <= x + d <= x_upper
 
-With the right active set one factorisation solves it.  A wrong guess is corrected all at once: what is violated
-becomes active, what pulls the wrong way is let go (the primal-dual active set method: M. Hintermueller, K. Ito and
-K. Kunisch, SIAM J. Optim. 13, 2002).  That may cycle where constraints are nearly dependent, as along an arc on a
-state constraint; then it is given up.
+With the right active set one factorisation solves it.  A wrong guess is corrected at many places at once: what is
+violated becomes active, what pulls the wrong way is let go (the primal-dual active set method: M. Hintermueller,
+K. Ito and K. Kunisch, SIAM J. Optim. 13, 2002).  Where a whole arc of a path oversteps a bound, hardly more than its
+top touches the bound in the solution; an arc that is held there pulls to and fro, and takes many sets to come loose.
+So only those become active that are met early on the way from the last step to this one, as the ratio test of methods
+that add one bound at a time has it (J. Nocedal and S. J. Wright, Numerical Optimization, 2006, section 16.5).  That
+need not end where constraints are nearly dependent, or the guess is far off; then it is given up.
 """
 
 from __future__ import annotations
@@ -21,14 +24,12 @@ from stc.core.functions import function
 from stc.core.structures import structure
 from stc.records import dataclass
 from stc.solver.active_set_system import CHANGES, REFINEMENTS, factorize_restricted
-from stc.solver.constants import ACCURATE
+from stc.solver.constants import ACCURATE, HALF
 from stc.solver.nlp import Floats
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.primal_dual import PrimalDual
 from stc.solver.products import term_sums
 from stc.solver.scaled_problem import RELAXATION, ScaledProblem
-
-_better_signs = function("conditions_better_signs")
 
 __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
 
@@ -44,10 +45,6 @@ class ActiveSet:
 
     x: Signs
     rows: Signs
-
-    def key(self) -> bytes:
-        """Equal for equal sets."""
-        return self.x.tobytes() + self.rows.tobytes()
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +106,8 @@ class QuadraticProgram:
         (x_lower, x_upper), (row_lower, row_upper) = form.true_x, form.true_rows
         self.room_x = (x_lower - point.x, x_upper - point.x)
         self.room_rows = (row_lower - point.r, row_upper - point.r)
+        self._room = [np.concatenate(each) for each in zip(self.room_x, self.room_rows, strict=True)]
+        self._equal = np.concatenate([form.held, form.equality])
         self.regularity = regularity
         self._kkt = form.attached_kkt
         self._fixed, self._held_rows = form.held_factor, form.equality_factor
@@ -118,11 +117,9 @@ class QuadraticProgram:
         """The solution with the help of a guess of the active set; None where that does not lead to it."""
         form = self.form
         n, m = form.n, form.m
-        tried: set[bytes] = set()
-        active = guess
-        while len(tried) < CHANGES and active.key() not in tried:
+        active, way = guess, np.zeros(n + m)
+        for _ in range(CHANGES):
             self._check()
-            tried.add(active.key())
             fixed_d = np.empty(n)
             if not self._factorize(active, fixed_d):
                 return None
@@ -130,16 +127,33 @@ class QuadraticProgram:
             if solved is None:
                 return None
             d, y, pull, moved = solved
-            better = ActiveSet(np.empty(n, np.int32), np.empty(m, np.int32))
-            slack = self.tolerance
-            different = _better_signs(n, slack, active.x, form.held_factor, d, pull, *self.room_x, better.x)
-            different += _better_signs(
-                m, slack, active.rows, form.equality_factor, moved, y, *self.room_rows, better.rows
-            )
-            if not different:
+            before, way = np.clip(way, *self._room), np.concatenate([d, moved])
+            better = self._better(active, before, way, np.concatenate([pull, y]))
+            if better is None:
                 return QuadraticSolution(d, y, self._fixed * pull, active)
             active = better
         return None
+
+    def _better(self, active: ActiveSet, before: Floats, way: Floats, pull: Floats) -> ActiveSet | None:
+        """A set without what pulls the wrong way, and with what is violated early; None where nothing is wrong.
+
+        Args:
+            active: the set at hand.
+            before, way: where variables and rows had got to, and where they get with it, (n + m,).
+            pull: multipliers of bounds and rows, (n + m,).
+        """
+        n, (low, high) = self.form.n, self._room
+        signs = np.concatenate([active.x, active.rows])
+        beyond = np.where((signs != 0) | self._equal, 0.0, np.maximum(way - high, low - way))
+        violated, wrong = beyond > self.tolerance, signs * pull < -self.tolerance
+        if not (violated.any() or wrong.any()):
+            return None
+        share = np.zeros(way.size)  # of the way, which is beyond
+        np.divide(beyond, np.abs(way - before), out=share, where=violated)
+        met = violated & (share >= HALF * share.max())
+        signs[wrong] = 0
+        signs[met] = np.where(way > high, 1, -1)[met]
+        return ActiveSet(signs[:n], signs[n:])
 
     def _factorize(self, active: ActiveSet, fixed_d: Floats) -> bool:
         """Factorise with the active set's rows and free variables; whether the curvature on it is positive.

@@ -1,4 +1,4 @@
-"""What a solve hands back, and what it tells while it runs."""
+"""The result of a solve, and the records of its iterations."""
 
 from __future__ import annotations
 

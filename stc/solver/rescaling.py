@@ -1,4 +1,4 @@
-"""Strategies at a problem in other scales: where units stand in the way of the usual one, or sizes come to light."""
+"""Strategies in other scales, for problems whose units or sizes make the usual scale unsuitable."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ class Rescalings:
         return None
 
     def resized(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
-        """From the guess, variables that are much larger where an attempt ended, (n,), scaled by that.
+        """Solve from the guess, with variables that an attempt made much larger, (n,), scaled by their final size.
 
-        A claim of infeasibility is as good as the scales that it was made with.
+        A claim of infeasibility may be wrong if the scales are.
         """
         larger = np.abs(reached) > ORDINARY[1] * np.maximum(form.x_scale, np.abs(x0))
         if not self.options.scaling or not larger.any():
@@ -73,9 +73,9 @@ class Rescalings:
         return self.attempts.cold(resized, x0)
 
     def by_least_norm(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
-        """From the guess, the variables scaled by the point of least norm that meets the equations, which are linear.
+        """Solve from the guess, with variables scaled by the point of least norm that satisfies the linear equations.
 
-        A violation that seems to be stationary may be of rows whose variables have far to go.
+        A violation may only seem stationary because the variables of its rows are far from their solution.
         """
         if not self.options.scaling:
             return None
@@ -108,15 +108,19 @@ class Rescalings:
         return on, replace(outcome, minimum=True) if found is SecondOrder.LOWER else None
 
     def on_from(self, form: ScaledProblem, point: Point, tactics: Tactics, share: float = 1.0) -> Outcome:
-        """On from a point of the problem as stated that is nearly a solution, in the scale of ``form``, to such a
-        share of the usual tolerance."""
+        """Continue from a point of the stated problem that is nearly a solution, in the scale of ``form``.
+
+        The tolerance is the given share of the usual one.
+        """
         it = warm_iterate(form, point.x / form.x_scale, form.scaled_multipliers(point.y))
         options = replace(self.options, tolerance=share * self.options.tolerance)
         return optimise(form, it, WARM_BARRIER, options, self.monitor, tactics=tactics)
 
     def from_least_violation(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
-        """From the feasible point that the least violation leads to from where the search ended, all scaled anew at
-        either; None where functions are undefined there."""
+        """Minimise the violation from the end of the search, then solve from that feasible point, each in new scales.
+
+        None if a function is undefined there.
+        """
         from stc.solver.feasible_start import least_violation
 
         x = between(reached, self.nlp.x_lower, self.nlp.x_upper)

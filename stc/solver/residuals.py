@@ -95,7 +95,7 @@ def holds(nlp: NLP, x: Floats, judged: Assessment, options: Options) -> bool:
 
 
 def is_met_but_for_rounding(nlp: NLP, x: Floats, tolerance: float) -> bool:
-    """Whether all rows and bounds are met at ``x`` (n,) within ``tolerance``, or rows as far as they can be told.
+    """Whether all rows and bounds are met at ``x`` (n,) within ``tolerance``, or for rows to within rounding.
 
     A row of terms ``J_ri x_i`` changes by a unit in the last place of the largest of them from one point that can be
     written down to the next: none of these may be nearer.
@@ -105,7 +105,9 @@ def is_met_but_for_rounding(nlp: NLP, x: Floats, tolerance: float) -> bool:
 
 
 def rows_missed(nlp: NLP, x: Floats, tolerance: float) -> Mask:
-    """Which rows are not, (m,); all where terms have no size."""
+    """(m,) whether a row is violated by more than ``tolerance`` and by more than rounding; true for all rows if a term
+    is not finite.
+    """
     _, r = nlp.values(x)
     _, jac, _ = nlp.derivatives(x, np.zeros(nlp.m), 1.0)
     terms = term_sums(nlp.jac_rows, nlp.jac_cols, jac, x, nlp.m)
@@ -122,5 +124,5 @@ def signed_violations(nlp: NLP, r: Floats) -> Floats:
 
 
 def _own(values: Any, dtype: Any = float) -> Any:
-    """As functions of the core take them."""
+    """Values as an array of the type and layout that functions of the core take."""
     return np.ascontiguousarray(values, dtype)

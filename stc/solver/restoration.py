@@ -38,7 +38,7 @@ def barrier_value(f: float, gap: Floats, mu: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Tells when restoration may end: the violation fell and the filter accepts the point."""
+    """Decides when restoration may end: the violation fell and the filter accepts the point."""
 
     elastic: ElasticProblem
     filter: Filter
@@ -65,7 +65,8 @@ class Acceptance:
 def meet_rows(
     form: ScaledProblem, it: Iterate, mu: float, tolerance: float, solve: Callable[..., Outcome]
 ) -> tuple[End | None, Outcome]:
-    """Move ``it`` to where the rows are met, or violated least as far as can be told, the objective left aside.
+    """Move the iterate ``it`` to a point that satisfies the rows, or violates them least nearby, without regard to the
+    objective.
 
     Args:
         mu: the barrier parameter, which says how much it counts to stay near ``it``.
@@ -119,7 +120,5 @@ def returned(
 
 
 def elastic_of(base: ScaledProblem) -> ElasticProblem:
-    """The elastic form of a problem."""
-    if base.elastic is None:
-        base.elastic = ElasticProblem(base, price=1.0)
-    return base.elastic
+    """The elastic form of a problem, for one restoration at a time."""
+    return base.keep(ElasticProblem)

@@ -24,9 +24,7 @@ from stc.solver.options import Options
 from stc.solver.products import ROUNDED, Indices
 
 if TYPE_CHECKING:
-    from stc.solver.elastic import ElasticProblem
     from stc.solver.kkt.contract import KKTSystem
-    from stc.solver.projection import ProjectionPair
 
 __all__ = ["ScaledProblem", "relative_violation"]
 
@@ -47,7 +45,7 @@ NEARBY = 0.1
 
 
 def _is_small(x: Floats) -> Mask:
-    """Where a variable is smaller than usual, but not 0, (n,)."""
+    """(n,) whether a variable is smaller than usual, but not 0."""
     magnitude = np.abs(x)
     return (magnitude > 0.0) & (magnitude < ORDINARY[0])
 
@@ -70,9 +68,6 @@ def relative_violation(values: Floats, lower: Floats, upper: Floats) -> Floats:
 
 class ScaledProblem(Formulation):
     """``objective_scale * f(D x)`` with rows ``row_scale * r(D x)``; ``x_scale`` is the diagonal of D."""
-
-    projections: ProjectionPair | None = None  # of Newton's method on active sets, one at a time
-    elastic: ElasticProblem | None = None  # for restoration, one at a time
 
     def __init__(
         self,

@@ -201,7 +201,7 @@ class _Solve:
         return self._conclude(outcome)
 
     def _strategies(self, form: ScaledProblem) -> list[tuple[str, Strategy]]:
-        """What is tried where the barrier method from the guess finds no answer, in this order."""
+        """The attempts, in order, after the barrier method from the guess has found no solution."""
         attempts, scales = self.attempts, self.rescalings
         convex = once(is_convex, self.nlp)
         constrained = form.m > 0 or form.gaps > 0
@@ -217,12 +217,12 @@ class _Solve:
         return suitable[: self.options.retries]
 
     def _from_feasible(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
-        """From the best feasible point that was seen, if there is one, without leaving the rows far behind."""
+        """Solve from the best feasible point so far, if there is one, and stay near the rows."""
         best = self._feasible()
         return None if best is None else self.attempts.barrier(form, best, Tactics(largest_theta=NEARBY))
 
     def _unmoved(self, form: ScaledProblem, x0: Floats) -> Result:
-        """The start, where no step is allowed from it; whether it is a solution is still to be told."""
+        """The start as the outcome if no step is allowed; whether it is a solution is judged later."""
         point = Point(
             x0, np.zeros(self.nlp.m) if self.start.row_multipliers is None else self.start.row_multipliers
         )
@@ -239,7 +239,7 @@ class _Solve:
         return self._best(Status.ITERATION_LIMIT)
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
-        """From the guess."""
+        """Solve from the guess."""
         outcome = self.attempts.linear_equations(form, x0)
         if outcome is None and form.quadratic_program and not form.gaps:
             outcome = self.rescalings.even_equations(form, x0)
@@ -275,14 +275,14 @@ class _Solve:
         return outcome
 
     def _from(self, form: ScaledProblem, start: Start, tactics: Tactics) -> Outcome:
-        """From another start than the guess."""
+        """Solve from a start other than the guess."""
         x = between(np.asarray(start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
         if start.row_multipliers is None:
             return self.attempts.barrier(form, x, tactics)
         return self.attempts.warm(form, x, start, False, tactics)
 
     def _is_proof(self, outcome: Outcome) -> bool:
-        """Whether the outcome is a violation that is the smallest of all."""
+        """Whether the violation of the outcome is proved to be the smallest possible one."""
         return outcome.end is End.STATIONARY_VIOLATION and once(is_convex, self.nlp)
 
     def _with_feasible_points(self, outcome: Outcome) -> Outcome:

@@ -74,5 +74,5 @@ def sentence(status: Status) -> str:
 
 
 def advice(status: Status) -> str:
-    """What to try next; empty when there is nothing to do."""
+    """Advice on the next step; empty for an optimal result."""
     return _ADVICE[status]

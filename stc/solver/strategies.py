@@ -51,9 +51,9 @@ class Strategies:
         from stc.solver.warm_start import from_neighbour
 
         point, minimum = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor)
-        it = warm_iterate(form, x, y)
         if point is not None:
-            return Outcome(End.CONVERGED, form, point.x, point.y, point.error, it, minimum=minimum)
+            return Outcome(End.CONVERGED, form, point.x, point.y, point.error, minimum=minimum)
+        it = warm_iterate(form, x, y)
         free = replace(tactics, budget=min(tactics.budget, SHORT_BUDGET))
         outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=free)
         left = self.monitor.limit - self.monitor.iterations

@@ -74,9 +74,9 @@ def _feasible(form: ScaledProblem, x: Floats, r: Floats) -> bool:
 
 
 def falling_to(history: Sequence[IterationRecord]) -> float | None:
-    """What the objective has fallen to in an attempt in which it went on falling, if there was one.
+    """The last objective of an attempt in which it went on falling; None if there was no such attempt.
 
-    That proves nothing, but where a solve did not end it is worth saying.
+    This does not prove that the program is unbounded, but it helps to explain a solve that reached a limit.
     """
     starts = [k for k, record in enumerate(history) if record.step_length == 0.0 and record.step == 0.0]
     lowest: float | None = None

@@ -73,9 +73,7 @@ class _Current(Iterate):
 
 def workspace_of(form: Formulation) -> Workspace:
     """The workspace that a form keeps: for one iteration at a time."""
-    if form.workspace is None:
-        form.workspace = Workspace(form)
-    return form.workspace
+    return form.keep(Workspace)
 
 
 class Workspace:

@@ -1,4 +1,4 @@
-"""What the page draws, as arrays: the model's surfaces once, and where its bodies are for each motion."""
+"""The scene of the page as arrays: the model's surfaces once, and where its bodies are for each motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ INSTANTS = 81
 
 
 def scene_of(session: Session) -> dict[str, Any]:
-    """The surfaces of the model, what can be dragged and turned: what the page is told once."""
+    """The part of the scene that is sent to the page once: surfaces of the model, handles and sliders."""
     import mujoco
 
     setup = session.shown()

@@ -57,7 +57,7 @@ def number(value: float) -> str:
 
 
 def difference(old: str, new: str, name: str) -> str:
-    """What changes from one text to another, line by line with two lines around, as ``diff -u`` shows it."""
+    """The difference of two texts in the format of ``diff -u``, with two lines of context."""
     lines = difflib.unified_diff(
         old.splitlines(), new.splitlines(), f"{name} (on disk)", f"{name} (steered)", lineterm="", n=2
     )

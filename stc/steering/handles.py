@@ -42,7 +42,7 @@ class Handle:
 
 
 def body_name(model: Any, body: int) -> str:
-    """What a body is called."""
+    """The name of a body."""
     return str(model.body(body).name) or f"body {body}"
 
 
@@ -67,7 +67,7 @@ class Handles(Protocol):
 
 
 def qpos_at(setup: Setup, solution: Solution, frame: int) -> FloatArray:
-    """(nq,) the model's pose at a frame of a motion; at a jump the one after it."""
+    """(nq,) the model's pose at a frame of a motion; at a jump, the pose after it."""
     found: FloatArray = np.array(setup.compiled.qpos0)
     found[setup.reference.positions] = setup.reference.at("after", frame)[0]
     return found

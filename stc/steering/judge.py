@@ -1,4 +1,4 @@
-"""The verdict of MuJoCo on the motion on show, found in a process of its own while nobody steers."""
+"""Validates the motion on show in MuJoCo, in a separate process, while nothing is dragged."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ class Judge:
         self._at: Solution | None = None
 
     def verdict(self, solution: Solution) -> str:
-        """What is known of a motion: ``passed``, what is wrong with it, ``judging``, or nothing yet."""
+        """The verdict on a motion: ``passed``, the first failure, ``judging`` during the validation, or empty before
+        it."""
         if self._judged is not None and self._judged[0] is solution:
             return self._judged[1]
         return "judging" if self._at is solution else ""

@@ -84,7 +84,7 @@ class PoseSite:
 
 @dataclass(slots=True)
 class Knobs:
-    """What can be steered in a spec.
+    """The constants, poses and targets of a spec that can be steered.
 
     Attributes:
         source: the spec.
@@ -398,7 +398,7 @@ class _Finder:
     # ------------------------------------------------------------------- one knob
 
     def _coordinate(self, path: str, value: float, label: str, fresh: bool = True) -> str:
-        """A knob for a coordinate that the spec does not write; the one that there is where it is not ``fresh``."""
+        """A knob for a coordinate that the spec does not write; the existing one if it is not ``fresh``."""
         title = f"{path} {label}"
         if not fresh:
             return next(knob.name for knob in self.found.knobs.values() if knob.label == title)

@@ -21,15 +21,17 @@ from stc.validate.model import as_bytes
 from stc.validate.pictures.motion import solved_at
 from stc.validate.pictures.scenery import furnish
 from stc.viewer.timeline import Timeline
-from stc.viewer.windows import require_display
+from stc.viewer.windows import require_display, restore_flags
 
 if TYPE_CHECKING:
     import mujoco
 
 KEYS = (
     "double click on a ball, then Ctrl and the right mouse button: drag   space: play or pause   "
-    "N: next frame with handles   Z: undo   Y: redo   P: print what would be written   W: write into the spec"
+    "N: next frame with handles   Z: undo   Y: redo   P: print what would be written   F: write into the file"
 )
+#: Letters among these; the viewer switches parts of its pictures by the same ones.
+_LETTERS = "NZYPF"
 
 #: Radius of a ball as a share of the model's size, and colours by kind.
 _RADIUS = 0.018
@@ -101,7 +103,7 @@ class Balls:
         self.timeline.cover(float(solution.time[0]), float(solution.time[-1]))
 
     def look(self, data: mujoco.MjData, now: float, passed: float) -> None:
-        """Take what the watcher has moved, and put everything where it is to be seen.
+        """Read which balls the user has moved, and place the bodies and balls for the next picture.
 
         Args:
             data: of the model with the balls.
@@ -142,7 +144,7 @@ class Balls:
             session.redo()
         elif code == ord("P"):
             print(session.changes() or "nothing has changed", flush=True)
-        elif code == ord("W"):
+        elif code == ord("F"):
             try:
                 self.message = f"written to {session.write()}"
             except (StcError, OSError) as error:
@@ -150,7 +152,7 @@ class Balls:
             print(self.message, flush=True)
 
     def state(self) -> str:
-        """What the window says of the motion."""
+        """The status line of the window."""
         session = self.session
         words = "solving" if session.busy else "solved"
         if not session.busy and session.message:
@@ -205,6 +207,7 @@ def draw(window: Any, model: mujoco.MjModel, data: mujoco.MjData, balls: Balls, 
 
     with window.lock():
         balls.look(data, time.perf_counter(), passed)
+        restore_flags(window.opt.flags, _LETTERS)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
     font, corner = mujoco.mjtFontScale.mjFONTSCALE_150, mujoco.mjtGridPos.mjGRID_TOPLEFT

@@ -71,7 +71,7 @@ class Slider:
 
 @dataclass(slots=True)
 class _Pull:
-    """What was asked for last and is not reached yet.
+    """The last request that is not reached yet.
 
     Attributes:
         handle, target: what is dragged, and where to, (3,) m; None where numbers are turned.
@@ -179,7 +179,7 @@ class Session:
 
     @property
     def message(self) -> str:
-        """Why the motion on show is not the one that was asked for; empty where it is, or may still become so."""
+        """Why the motion on show is not the requested one; empty if it is, or if a solve is under way."""
         outcome = self._tweaks.outcome
         if outcome is None or not outcome.message or not self._tweaks.refused:
             return ""
@@ -187,7 +187,7 @@ class Session:
 
     @property
     def handles(self) -> dict[str, Handle]:
-        """What can be dragged, by key."""
+        """The handles that can be dragged, by key."""
         return {handle.key: handle for group in self._groups for handle in group.handles}
 
     @property
@@ -345,7 +345,7 @@ class Session:
         self._tweaks.restore(solution)
 
     def wait(self, seconds: float = 60.0) -> bool:
-        """Wait until no change is open, and what is dragged has come to its place; whether that came about in time."""
+        """Wait until all changes are solved and dragged handles are at their targets; returns whether they are."""
         end = time.monotonic() + seconds
         while self._tweaks.wait(max(0.0, end - time.monotonic())):
             self.follow()
@@ -364,7 +364,8 @@ class Session:
         return self.knobs.written(self.solution.overrides)
 
     def changes(self) -> str:
-        """What :meth:`write` would change in the file, as ``diff -u`` shows it; empty if nothing."""
+        """The changes that :meth:`write` would make to the file, in the format of ``diff -u``; empty if there are
+        none."""
         name = "the spec" if self.target is None else self.target.name
         return difference(self._on_disk if self._on_disk is not None else self._original, self.text(), name)
 
@@ -420,7 +421,7 @@ class Session:
         return [*poses.values(), *(group for group in stated if group.frame not in poses)]
 
     def _group(self, handle: Handle) -> Handles:
-        """Those that a handle is one of."""
+        """The group of handles to which a handle belongs."""
         return next(group for group in self._groups if any(one.key == handle.key for one in group.handles))
 
     def _sliders(self, solution: Solution) -> list[Slider]:
@@ -434,7 +435,7 @@ class Session:
 
 
 def _text_of(path: Path) -> str | None:
-    """What stands in a file; None where there is none."""
+    """The text of a file; None if it cannot be read as UTF-8."""
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

@@ -190,7 +190,7 @@ class StatedHandles:
         return found
 
     def _determined(self, q: FloatArray, solution: Solution) -> bool:
-        """Whether the rows leave no coordinate open that they speak of."""
+        """Whether the rows determine all coordinates that occur in them."""
         known = self._known(q, self._given(solution, {}), solution)
         rows = np.array([self._slopes(row, known) for row in self._rows])
         used = np.flatnonzero(np.abs(rows).max(axis=0) > 0.0)
@@ -236,7 +236,7 @@ def _plain(constants: Mapping[str, float], names: Sequence[str]) -> dict[str, fl
 
 
 def joint_lines(setup: Setup) -> list[tuple[int, Expr]]:
-    """Of each coordinate that the replay ties its address in ``qpos``, and the expression that it is."""
+    """The address in ``qpos`` and the expression of each coordinate that a ``joint`` line of the replay states."""
     problem = model_of(setup.solution).problem(setup.solution.method, **setup.solution.overrides)
     bodies = {".".join(line.path): line.body for line in problem.replay if line.kind == "joint"}
     found = []

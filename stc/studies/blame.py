@@ -33,6 +33,8 @@ FloatArray = NDArray[np.float64]
 
 __all__ = ["Blame", "Culprit", "blame"]
 
+#: Statements hold whose violation, scaled as the solver does, is at most this: the limit of the validation.
+_MET = 1e-6
 #: Statements listed under one heading, and lines in all.
 MOST, MOST_LINES = 6, 20
 
@@ -228,6 +230,12 @@ class _Search:
             ]
         if self.solution.status == "infeasible":
             parts.insert(0, "no minimal set of conflicting statements was found in time")
+        if not parts and self.solution.violation <= _MET:
+            return Blame(
+                "",
+                f"All statements hold where the solve ended, to {self.solution.violation:.0e}; only the objective may "
+                "become smaller. A solve that goes on from there often ends optimal: --warm-start FILE.",
+            )
         if not parts:
             return Blame("", "No statement stands out where the solve ended.")
         summary = "; ".join(parts)

@@ -21,12 +21,15 @@ from stc.solution import Solution
 from stc.studies.frames import ORDER, Spread
 from stc.trajectory import Channel
 
-__all__ = ["FROM_COARSER", "LEAST_RANGE", "NotFoundError", "apart", "change_when_doubled", "range_of"]
+__all__ = ["FROM_COARSER", "NotFoundError", "apart", "change_when_doubled", "sizes"]
 
 FROM_COARSER = 100
 """Limit of iterations from the solution on fewer frames. Near a solution it takes two or three, or some tens."""
 LEAST_RANGE = 1e-6
 """A variable whose range is below this share of the largest range counts as constant."""
+STILL = 1e-4
+"""A coordinate of a model stands still if it moves by less than this, in m or rad: 1 % of it, 1e-6, is the least drift
+that the validation allows."""
 SHARE_OF_TIME, LEAST_TIME = 0.25, 1.0
 """Limits of the finer solve's processor time: a share of that of the solution, and a least number of seconds."""
 FEW, LATE = 20, 2.0
@@ -107,21 +110,27 @@ def apart(coarse: Solution, finer: Solution, names: Iterable[str]) -> dict[str, 
     """The largest difference of each variable between two grids, one of which contains the frames of the other.
 
     Returns:
-        Relative to the variable's range on the finer grid; where that is next to nothing beside the largest range of
-        all, as of what stands still but for rounding, to a millionth of that.
+        Relative to the size of the variable on the finer grid (:func:`sizes`).
     """
     times = finer.n // coarse.n
-    ranges = {name: range_of(finer.trajectories[name, 0]) for name in names}
-    least = max(LEAST_RANGE * max(ranges.values(), default=0.0), 1e-9)
     found = {}
-    for name, size in ranges.items():
+    for name, size in sizes(finer, names).items():
         one, other = coarse.trajectories[name, 0], finer.trajectories[name, 0]
         gaps = [np.abs(one.before - other.before[::times]), np.abs(one.after - other.after[::times])]
-        found[name] = float(np.max(gaps)) / max(size, least)
+        found[name] = float(np.max(gaps)) / size
     return found
 
 
-def range_of(channel: Channel) -> float:
+def sizes(solution: Solution, names: Iterable[str]) -> dict[str, float]:
+    """The range to which the error of each variable is relative; for a variable that stands still, a least range."""
+    ranges = {name: _range(solution.trajectories[name, 0]) for name in names}
+    least = max(LEAST_RANGE * max(ranges.values(), default=0.0), 1e-9)
+    return {
+        name: max(size, least, STILL if name.startswith("joint.") else 0.0) for name, size in ranges.items()
+    }
+
+
+def _range(channel: Channel) -> float:
     """The range of a quantity; at least a thousandth of its size."""
     values = np.concatenate([channel.before, channel.after])
     return max(float(np.ptp(values)), 1e-3 * float(np.abs(values).max()))

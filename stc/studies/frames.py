@@ -158,7 +158,7 @@ class Spread:
         return False
 
     def _checked(self, overrides: dict[str, float], factors: Sequence[int]) -> dict[str, float]:
-        """These constants, and a step to go with them, if they state the same motion.
+        """The given constants with a matching step, if they state the same motion.
 
         Raises:
             UsageError, SpecError: they do not.

@@ -37,7 +37,7 @@ from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.studies.difference_gaps import ends_of_sums, gaps_of, moved_rows, moved_terms
 from stc.studies.discretisation import States, local_errors, quadrature_errors
-from stc.studies.doubled import LEAST_RANGE, NotFoundError, change_when_doubled, range_of
+from stc.studies.doubled import NotFoundError, change_when_doubled, sizes
 from stc.symbolic.expr import symbols
 from stc.trajectory import Channel
 
@@ -264,13 +264,9 @@ def _turned(rotation: Rotation, solution: Solution, missed: States) -> FloatArra
 
 def _motion(problem: Problem, solution: Solution, missed: States) -> tuple[float, str]:
     """The largest error of a variable relative to its range, and its name."""
-    judged = list(determined(problem, solution))
-    ranges = {name: range_of(solution.trajectories[name, 0]) for name in judged}
-    least = LEAST_RANGE * max(ranges.values(), default=0.0)
     cuts = set(named_cuts(problem)) | set(solution.frames_that_jump().tolist())
     worst, variable = 0.0, ""
-    for name in judged:
-        size = max(ranges[name], least, 1e-300)
+    for name, size in sizes(solution, determined(problem, solution)).items():
         error = _known((_accumulated(solution, missed, name) + _switches(solution, name, cuts)) / size)
         if error > worst or not variable:
             worst, variable = error, name

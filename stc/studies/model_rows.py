@@ -163,7 +163,7 @@ class _Rows:
         return ModelState(q, v, a, u, z, rng.uniform(-_FORCE, _FORCE, len(self.outer)))
 
     def _still(self, state: ModelState) -> ModelState:
-        """At rest, without forces."""
+        """A state at rest without forces."""
         return ModelState(state.q, *(np.zeros_like(x) for x in (state.v, state.a, state.u, state.z, state.f)))
 
     def _sides(self, states: Sequence[ModelState]) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -192,7 +192,7 @@ class _Rows:
     # --------------------------------------------------------------- comparing
 
     def compare(self, count: int, rng: np.random.Generator) -> None:
-        """As a whole at many states, then entry by entry at a few."""
+        """Compare the equations as a whole at ``count`` random states, then entry by entry at a few of them."""
         spec, model, sizes = self._sides([self._random(rng) for _ in range(count)])
         largest = np.where(sizes > 0.0, sizes, 1.0)[:, None]
         shares = (np.abs(spec - model) / largest).max(axis=0)

@@ -213,7 +213,8 @@ class _Task:
 
 
 def _solved(task: _Task, solve: Callable[..., Solution] | None = None) -> Solution | None:
-    """What a start leads to, in whatever process and after whatever else; None where a function has no value there."""
+    """The solution from one start, independent of the process and of earlier solves; None if a function has no value at
+    the start."""
     for attempt in range(ATTEMPTS if task.number else 1):
         options = dict(task.options)
         if task.end is not None:

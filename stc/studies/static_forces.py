@@ -63,7 +63,7 @@ def static_forces_named(
 
 
 def _named(one: Difference, gap: FloatArray, row: int, acting: Sequence[_Part], gravity: bool) -> Difference:
-    """A difference called by the one force that has its shape; ``gravity``: another might have it as well."""
+    """A difference with the name of the force that has its shape; ``gravity`` if other forces could have it as well."""
     fitting = [part for part in acting if _multiple(gap, part.force[:, row, None])]
     if len(fitting) == 1 and not gravity:
         (part,), at = fitting, int(np.argmax(np.abs(gap)))

@@ -105,7 +105,7 @@ class TakingApart:
         self.model: list[FloatArray] = []
 
     def tables(self) -> Tables | None:
-        """As many columns as can be evaluated; None if there are none."""
+        """The tables with as many columns as can be evaluated; None if no column can."""
         z, v = self.base.state.z, self.base.state.v
         still, quiet = np.zeros_like(v), np.zeros_like(z)
         for make, velocity, force in (

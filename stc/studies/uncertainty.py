@@ -132,7 +132,7 @@ def uncertainty(model: Model, solution: Solution) -> Uncertainty:
 
 
 def of_solution(solution: Solution) -> Uncertainty:
-    """The same for any solution; the spec of one from a file is parsed from the text in it."""
+    """The uncertainty of the parameters of a solution; for one from a file the spec is parsed from the text in it."""
     return uncertainty(model_of(solution), solution)
 
 

@@ -49,7 +49,7 @@ BEARS = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """What was written.
+    """The result of writing a data set.
 
     Attributes:
         folder: of the data set.
@@ -194,7 +194,7 @@ def _episode(solution: Solution, facts: Mapping[str, Any], time_step: float | No
 
 
 def _padded(values: FloatArray) -> FloatArray:
-    """The same with a last row of zeros: there are as many rows as instants."""
+    """The values with a row of zeros at the end, so that there are as many rows as instants."""
     return np.vstack([values, np.zeros((1, values.shape[1]))])
 
 
@@ -226,7 +226,7 @@ def _column(name: str, values: Any) -> Any:
 
 
 def _field(name: str, column: Any, values: NDArray[Any]) -> Any:
-    """Where rows have a length, Minari looks for it here."""
+    """A field of the table. Minari reads the shape of a row from its metadata."""
     import pyarrow
 
     shape = ",".join(str(size) for size in values.shape[1:])

@@ -114,7 +114,7 @@ def motion_file(folder: Path, index: int) -> Path:
 
 
 def points_of(path: Path) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
-    """What the folder of a sweep says is swept, and what each point that is done came to, by index.
+    """The description of a sweep in its folder, and the facts of each finished point, by index.
 
     Raises:
         UsageError: it is no folder of a sweep, or a file in it cannot be read.

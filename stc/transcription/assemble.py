@@ -65,7 +65,7 @@ class _Outputs:
     def _add(
         self, group: Group, derivatives: Sequence[Derivative], start: int, width: int, first: int
     ) -> None:
-        """Those from the one of number ``first`` on, of ``width``."""
+        """Add the entries of one group: ``width`` of them, from number ``first`` on."""
         matrix, row, column = np.array(derivatives).T
         cols = group.positions[column]
         rows = np.zeros_like(cols)

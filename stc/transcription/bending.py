@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,7 @@ from stc.symbolic.differentiate import hessian
 from stc.symbolic.structure import LINEAR, QUADRATIC, mentions
 from stc.transcription.assemble import Program
 from stc.transcription.derive import Group
-
-if TYPE_CHECKING:
-    from stc.transcription.bind import Numbers
+from stc.transcription.numbers import Numbers
 
 #: Eigenvalues this small, relative to the largest, are rounding errors.
 ROUNDING: Final = 1e-12
@@ -36,7 +34,7 @@ def row_bends(program: Program, numbers: Numbers) -> NDArray[np.int8]:
 
 
 def _bends(group: Group, row: int, numbers: Numbers) -> NDArray[np.int8]:
-    """Of a row at all nodes of its group, (nodes,)."""
+    """(nodes,) for one row at each node of its group: 1 if it is convex, -1 if it is concave, 0 if neither is known."""
     entries = hessian(group.rows[row].body, group.unknown)
     if any(mentions(e, lambda key: isinstance(key, VariableRef | ParameterRef)) for e in entries.values()):
         return np.zeros(group.size, np.int8)

@@ -11,28 +11,23 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.arrays import aligned_zeros
-from stc.codegen import threads
 from stc.codegen.kernel import KernelSet
-from stc.core.calls import chain
 from stc.errors import EvaluationError
-from stc.problem import ConstantRef, ParameterRef, Problem, Relation, VariableRef
+from stc.problem import Problem, Relation
 from stc.records import dataclass
 from stc.solver.evaluator import Evaluator, Part, Scaling
 from stc.solver.form_cache import Keeper
 from stc.solver.pairs import Pairs
-from stc.symbolic.expr import ZERO, Expr, evaluate, symbols
+from stc.symbolic.expr import ZERO, Expr, symbols
 from stc.symbolic.tables import TableRef
 from stc.transcription.assemble import Program, data_of
 from stc.transcription.bending import row_bends
-from stc.transcription.evaluation import Piece, copied_within, evaluator, fill_constants, kernel_calls
+from stc.transcription.evaluation import Evaluation, evaluator
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
-from stc.transcription.lower import DataRef, data_values
+from stc.transcription.numbers import Numbers
 from stc.transcription.statements import LINK, Statements
 from stc.transcription.statements import Bound as BoundStatement
-from stc.transcription.steps import Steps
-from stc.transcription.wanted import Wanted
 
 FloatArray = NDArray[np.float64]
 
@@ -60,45 +55,6 @@ class Bounds:
     lower_from: NDArray[np.int64]
     upper_from: NDArray[np.int64]
     contradictions: list[Contradiction]
-
-
-class Numbers:
-    """Evaluates expressions of constants and node data for given constants."""
-
-    def __init__(
-        self, statements: Statements, steps: Steps, coefficients: FloatArray, constants: Mapping[str, float]
-    ) -> None:
-        self.steps, self.coefficients = steps, coefficients
-        self.weights = {k: table.values(coefficients) for k, table in enumerate(statements.weights)}
-        self.constants: dict[object, float] = {ConstantRef(name): value for name, value in constants.items()}
-        self._known: dict[Expr, float] = {}
-
-    def data(self, ref: DataRef, nodes: Nodes) -> FloatArray:
-        return data_values(ref, nodes, self.steps, self.coefficients, self.weights)
-
-    def at(self, e: Expr, nodes: Nodes) -> FloatArray:
-        """The value of ``e`` at every node. (k,)"""
-        data = [key for key in symbols(e) if isinstance(key, DataRef)]
-        if data:
-            given: dict[object, float | FloatArray] = {
-                **self.constants,
-                **{key: self.data(key, nodes) for key in data},
-            }
-            return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
-        value = self._known.get(e)
-        if value is None:
-            value = self._known[e] = float(evaluate(e, self.constants))
-        return np.full(len(nodes), value)
-
-    def of_unknowns(self, e: Expr, nodes: Nodes, layout: Layout, x: FloatArray) -> FloatArray:
-        """The value of ``e`` at every node of a decision vector ``x`` (layout.size,). (k,)"""
-        given: dict[object, float | FloatArray] = dict(self.constants)
-        for key in symbols(e):
-            if isinstance(key, VariableRef | ParameterRef):
-                given[key] = x[layout.position(key, nodes)]
-            elif isinstance(key, DataRef):
-                given[key] = self.data(key, nodes)
-        return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
 
 
 def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, numbers: Numbers) -> Bounds:
@@ -248,12 +204,11 @@ def _tighten(
     owners[at[limits[at] != before]] = owner
 
 
-class BoundProgram:
+class BoundProgram(Evaluation):
     """A nonlinear program for the solver: :class:`stc.solver.nlp.NLP`.
 
     Attributes follow that protocol; if there are ``contradictions``, solving is useless; ``evaluations`` and
-    ``derivative_evaluations`` count the calls.  The attributes from ``workspace`` on are for
-    :mod:`stc.transcription.evaluation`.
+    ``derivative_evaluations`` count the calls.
     """
 
     def __init__(
@@ -268,12 +223,10 @@ class BoundProgram:
         relations: Sequence[Relation],
         pairs: Pairs,
     ) -> None:
-        self.program = program
         self.keeper = Keeper()
         self.bounds = bounds
         self.numbers = numbers
-        self.n, self.m = program.size, program.row_count
-        self._idle = np.ones(self.n, bool)
+        self._idle = np.ones(program.size, bool)
         for group in program.groups:
             self._idle[group.positions] = False
         self._any_idle = bool(self._idle.any())
@@ -290,35 +243,12 @@ class BoundProgram:
         #: Complementary rows, see :class:`stc.solver.pairs.Complementary`.
         self.pairs = pairs
         self.contradictions = bounds.contradictions
-        self.workspace = np.zeros(program.workspace_size)
+        workspace = np.zeros(program.workspace_size)
         for group, start in zip(program.groups, program.data_start, strict=True):
-            data = data_of(self.workspace, group, start)
+            data = data_of(workspace, group, start)
             for k, ref in enumerate(group.data):
                 data[k] = numbers.data(ref, group.nodes)
-        self.uniform = uniform_inputs(program, constants)
-        #: The factor of the objective among them, (1,).
-        self.factor = self.uniform[len(program.uniform) - 1 : len(program.uniform)]
-        self.kernels = kernels
-        self.values_buffer = aligned_zeros(program.values_size)
-        self.derivatives_buffer = aligned_zeros(program.derivatives_size)
-        fill_constants(program, self.workspace, self.uniform, self.derivatives_buffer)
-        #: Whether the derivatives kernels take what the values kernels have found, and for which variables that is:
-        #: for none yet.
-        self.keeps = any(group.programs.kept for group in program.groups)
-        self.noted = np.full(self.n, np.nan)
-        self._wanted: list[tuple[Part | None, Wanted]] = []
-        self._pieces: dict[tuple[bool, bool], list[Piece]] = {}
-        #: What copies within the workspace, and what adds up outputs of gradient, Jacobian and Hessian.
-        self.copies_for_values = copied_within(self.workspace, program.copied_values)
-        self.copies_for_derivatives = copied_within(self.workspace, program.copied_derivatives)
-        matrices = program.gradient, program.jacobian, program.hessian
-        self.foldings = [matrix.folding.bind(self.derivatives_buffer) for matrix in matrices]
-        #: The kernels alone: what is at ``workspace`` in, their buffers out.  Those of derivatives come second.
-        self.values_kernels = chain([piece.call for piece in self.pieces(values=True, cut=False)])
-        self.derivatives_kernels = chain([piece.call for piece in self.pieces(values=False, cut=False)])
-        self.counts = np.zeros(2, np.int64)
-        #: How long values and derivatives take on one thread and on two, whatever the scaling.
-        self.paces = threads.record(), threads.record()
+        super().__init__(program, kernels, workspace, uniform_inputs(program, constants))
         self._as_stated: Evaluator | None = None
 
     def _start_at(self, x0: FloatArray) -> None:
@@ -329,49 +259,22 @@ class BoundProgram:
             self.x_upper = np.where(self._idle, x0, self.x_upper)
 
     def started(self, x0: FloatArray) -> BoundProgram:
-        """The same program with another start, (n,); the two must not be evaluated at the same time."""
+        """This program with another start, (n,); the two must not be evaluated at the same time."""
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__)
         other._start_at(x0)
         return other
 
-    @property
-    def evaluations(self) -> int:
-        """The number of evaluations of objective and rows."""
-        return int(self.counts[0])
-
-    @property
-    def derivative_evaluations(self) -> int:
-        """The number of evaluations of derivatives."""
-        return int(self.counts[1])
-
     def row_bends(self) -> NDArray[np.int8]:
         """See :class:`stc.solver.convexity.Bending`."""
         return row_bends(self.program, self.numbers)
-
-    def wanted(self, part: Part | None) -> Wanted:
-        """The requested part of the program, and how it leaves the kernels; the last two are kept."""
-        for other, known in self._wanted:
-            if other is part:
-                return known
-        made = Wanted.of(self.program, part)
-        self._wanted[:] = [*self._wanted[-1:], (part, made)]
-        return made
-
-    def pieces(self, values: bool, cut: bool) -> list[Piece]:
-        """See :func:`stc.transcription.evaluation.kernel_calls`."""
-        if (values, cut) not in self._pieces:
-            buffers = self.values_buffer, self.derivatives_buffer
-            common = self.program, self.kernels, self.workspace, self.uniform
-            self._pieces[values, cut] = kernel_calls(*common, buffers, values, cut)
-        return self._pieces[values, cut]
 
     def evaluator(self, scaling: Scaling) -> Evaluator:
         """Arrays for one scaling, and the calls that fill them."""
         return evaluator(self, scaling)
 
     def part_evaluator(self, scaling: Scaling, part: Part) -> Evaluator:
-        """The same for a part of the variables and rows."""
+        """An evaluator for a part of the variables and rows."""
         return evaluator(self, scaling, part)
 
     def as_stated(self) -> Evaluator:

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stc.codegen import cache, engine
-from stc.codegen.sources import digest_of
 from stc.codegen.tape import Tape, build_tape
 from stc.deadline import look
 from stc.problem import ParameterRef, VariableRef
@@ -236,8 +235,8 @@ def _name_of(groups: Sequence[Group], uniform: Sequence[object]) -> str:
 def _own_digest() -> str:
     """Hash of the code on which the kept data depends."""
     package = Path(__file__).parent.parent
-    sources = [Path(__file__), *sorted((package / "symbolic").rglob("*.py"))]
-    return cache.key_of(engine.own_digest(), *[digest_of(str(path)) for path in sources])
+    sources = [Path(__file__), *(package / "symbolic").rglob("*.py")]
+    return cache.key_of(engine.own_digest(), engine.digest_of(sources))
 
 
 def _plain(derived: Derived) -> tuple[Any, ...]:

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import aligned_zeros
 from stc.codegen import reference, threads
 from stc.codegen.kernel import KernelSet
 from stc.core.calls import Bound, chain, chain_until
@@ -19,9 +20,6 @@ from stc.solver.evaluator import Evaluator, Part, Places, Scaling
 from stc.transcription.assemble import Program, blocks, data_of
 from stc.transcription.gather import Copying, add_up, all_same, begin, note, place, total
 from stc.transcription.wanted import Wanted
-
-if TYPE_CHECKING:
-    from stc.transcription.bind import BoundProgram
 
 FloatArray = NDArray[np.float64]
 
@@ -213,7 +211,72 @@ class _Steps:
         return chain(calls)
 
 
-def evaluator(nlp: BoundProgram, scaling: Scaling, part: Part | None = None) -> Evaluator:
+class Evaluation:
+    """The kernels of a program with its numbers, and what their calls share, whatever the scaling.
+
+    Attributes:
+        workspace, uniform: what kernels read; ``factor``, (1,), is the objective's among the latter.
+        values_buffer, derivatives_buffer: what they write.
+        keeps: whether the derivatives kernels take what the values kernels have found; ``noted`` are the variables
+            that these were evaluated for, (n,).
+        copies_for_values, copies_for_derivatives: what copies within the workspace before.
+        foldings: what adds up outputs of gradient, Jacobian and Hessian.
+        values_kernels, derivatives_kernels: the kernels alone: what is at ``workspace`` in, their buffers out.
+        counts: how often values and derivatives were evaluated.
+        paces: how long these take on one thread and on two.
+    """
+
+    def __init__(
+        self, program: Program, kernels: KernelSet, workspace: FloatArray, uniform: FloatArray
+    ) -> None:
+        self.program, self.kernels, self.workspace, self.uniform = program, kernels, workspace, uniform
+        self.n, self.m = program.size, program.row_count
+        self.factor = uniform[len(program.uniform) - 1 : len(program.uniform)]
+        self.values_buffer = aligned_zeros(program.values_size)
+        self.derivatives_buffer = aligned_zeros(program.derivatives_size)
+        fill_constants(program, workspace, uniform, self.derivatives_buffer)
+        self.keeps = any(group.programs.kept for group in program.groups)
+        self.noted = np.full(self.n, np.nan)  # for none yet
+        self._wanted: list[tuple[Part | None, Wanted]] = []
+        self._pieces: dict[tuple[bool, bool], list[Piece]] = {}
+        self.copies_for_values = copied_within(workspace, program.copied_values)
+        self.copies_for_derivatives = copied_within(workspace, program.copied_derivatives)
+        matrices = program.gradient, program.jacobian, program.hessian
+        self.foldings = [matrix.folding.bind(self.derivatives_buffer) for matrix in matrices]
+        self.values_kernels = chain([piece.call for piece in self.pieces(values=True, cut=False)])
+        self.derivatives_kernels = chain([piece.call for piece in self.pieces(values=False, cut=False)])
+        self.counts = np.zeros(2, np.int64)
+        self.paces = threads.record(), threads.record()
+
+    @property
+    def evaluations(self) -> int:
+        """The number of evaluations of objective and rows."""
+        return int(self.counts[0])
+
+    @property
+    def derivative_evaluations(self) -> int:
+        """The number of evaluations of derivatives."""
+        return int(self.counts[1])
+
+    def wanted(self, part: Part | None) -> Wanted:
+        """The requested part of the program, and how it leaves the kernels; the last two are kept."""
+        for other, known in self._wanted:
+            if other is part:
+                return known
+        made = Wanted.of(self.program, part)
+        self._wanted[:] = [*self._wanted[-1:], (part, made)]
+        return made
+
+    def pieces(self, values: bool, cut: bool) -> list[Piece]:
+        """See :func:`kernel_calls`."""
+        if (values, cut) not in self._pieces:
+            buffers = self.values_buffer, self.derivatives_buffer
+            common = self.program, self.kernels, self.workspace, self.uniform
+            self._pieces[values, cut] = kernel_calls(*common, buffers, values, cut)
+        return self._pieces[values, cut]
+
+
+def evaluator(nlp: Evaluation, scaling: Scaling, part: Part | None = None) -> Evaluator:
     """Arrays for one scaling, and the calls that fill them; for a part of the program, if one is given."""
     its = nlp.wanted(part)
     result = Evaluator.allocate(len(scaling.variable), len(scaling.row), len(its.jacobian), len(its.hessian))
@@ -228,7 +291,7 @@ def unless(condition: Bound, calls: Sequence[Bound]) -> Bound:
     return chain_until([(condition, True), *((call, False) for call in calls)])
 
 
-def _shared(nlp: BoundProgram, values: bool) -> bool:
+def _shared(nlp: Evaluation, values: bool) -> bool:
     return (
         nlp.kernels.backend == "llvm"
         and _effort(nlp.program, nlp.kernels, values) >= SHARED
@@ -244,7 +307,7 @@ def copied_within(workspace: FloatArray, positions: tuple[Places, Places]) -> li
 
 
 def _values_call(
-    nlp: BoundProgram, its: Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
+    nlp: Evaluation, its: Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
 ) -> Bound:
     buffer, shared = nlp.values_buffer, _shared(nlp, values=True)
     steps = _Steps(result.values_status, nlp.counts[:1], shared, nlp.paces[0])
@@ -262,7 +325,7 @@ def _values_call(
 
 
 def _derivatives_call(
-    nlp: BoundProgram, its: Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
+    nlp: Evaluation, its: Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
 ) -> Bound:
     program, buffer = nlp.program, nlp.derivatives_buffer
     n, m = nlp.n, nlp.m

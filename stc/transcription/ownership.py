@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from stc.arrays import distinct
 from stc.problem import Problem
 from stc.records import dataclass
-from stc.transcription.bind import BoundProgram, Numbers, step_limits
+from stc.transcription.bind import BoundProgram, step_limits
 from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
+from stc.transcription.numbers import Numbers
 from stc.transcription.statements import LINK, Bound
 from stc.transcription.transcription import Transcription
 

@@ -17,9 +17,10 @@ from stc.problem import ConstantRef, ParameterRef, VariableRef
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, symbols
 from stc.symbolic.slopes import Sweep
-from stc.transcription.bind import Bounds, Numbers, evaluate_bounds
+from stc.transcription.bind import Bounds, evaluate_bounds
 from stc.transcription.grid import IntArray, Nodes
 from stc.transcription.lower import DataRef
+from stc.transcription.numbers import Numbers
 from stc.transcription.pairs import find_pairs
 from stc.transcription.stated import Stated
 from stc.transcription.statements import LINK, Row

@@ -93,7 +93,7 @@ class _Weights:
 
     @classmethod
     def of(cls, nodes: Nodes, n: int) -> _Weights:
-        """By the trapezoid rule, or Simpson's where there are midpoints, in a motion of n steps."""
+        """The weights of the trapezoid rule, or of Simpson's rule with midpoints, in a motion of n steps."""
         frame, middle = nodes.frame, nodes.is_midpoint
         edge = 1.0 / 6.0 if middle.any() else 0.5
         return cls(
@@ -106,7 +106,7 @@ class _Weights:
 
     @classmethod
     def joined(cls, parts: list[_Weights]) -> _Weights:
-        """Those of several lists of nodes, one after the other."""
+        """The nodes of several lists, one list after the other."""
         return cls(
             np.concatenate([part.share for part in parts]),
             np.concatenate([part.left for part in parts]),
@@ -116,7 +116,7 @@ class _Weights:
         )
 
     def among(self, which: NDArray[np.bool_] | IntArray) -> _Weights:
-        """Those of some of the nodes."""
+        """The entries of some of the nodes."""
         return _Weights(
             self.share[which], self.left[which], self.before[which], self.right[which], self.after[which]
         )

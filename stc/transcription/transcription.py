@@ -20,9 +20,10 @@ from stc.records import dataclass, field
 from stc.solver.pairs import Pairs
 from stc.symbolic.expr import Expr, symbols
 from stc.transcription.assemble import Program, assemble
-from stc.transcription.bind import BoundProgram, Bounds, Numbers, evaluate_bounds
+from stc.transcription.bind import BoundProgram, Bounds, evaluate_bounds
 from stc.transcription.derive import Group
 from stc.transcription.guess import starting_point
+from stc.transcription.numbers import Numbers
 from stc.transcription.pairs import find_pairs
 from stc.transcription.stated import Stated, state
 from stc.transcription.statements import LINK

@@ -1,6 +1,6 @@
 """MuJoCo's passive viewer: the motion without a panel, if Studio is not available.
 
-Keys that the window does not use itself replace the panel; see :data:`KEYS`.
+Keys replace the panel; see :data:`KEYS`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from stc.viewer.layout import Rectangle
 from stc.viewer.player import Player
 from stc.viewer.report import simulation, summary
 from stc.viewer.scene import GROUP
-from stc.viewer.windows import require_display
+from stc.viewer.windows import require_display, restore_flags
 
 if TYPE_CHECKING:
     import mujoco
@@ -27,9 +27,11 @@ _PICTURE = 1.2, 1.0
 _RIGHT, _LEFT, _DOWN, _UP = 262, 263, 264, 265
 
 KEYS = (
-    "space: play or pause   left, right: one frame   up, down: speed   L: loop   "
+    "space: play or pause   left, right: one frame   up, down: speed   E: endless   "
     "O: open loop or tracked   B: ghost aside   X: stop a watched solve"
 )
+#: Letters among these; the viewer switches parts of its pictures by the same ones.
+_LETTERS = "EOBX"
 
 
 def press(player: Player, key: int) -> None:
@@ -46,7 +48,7 @@ def press(player: Player, key: int) -> None:
         timeline.step(player.frame_step if key == _RIGHT else -player.frame_step)
     elif key in (_UP, _DOWN):
         timeline.faster(1 if key == _UP else -1)
-    elif key == ord("L"):
+    elif key == ord("E"):
         timeline.loop = not timeline.loop
     elif key == ord("O"):
         options.tracked = not options.tracked
@@ -107,6 +109,7 @@ def draw(window: Any, data: mujoco.MjData, player: Player, seconds: float) -> No
     with window.lock():
         player.scene.put(data, frame.body, frame.ghost, frame.offset)
         mujoco.mj_forward(player.scene.model, data)
+        restore_flags(window.opt.flags, _LETTERS)
         window.opt.geomgroup[GROUP] = player.options.ghost
         scene = window.user_scn
         scene.ngeom = min(len(frame.shapes), scene.maxgeom)

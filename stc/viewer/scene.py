@@ -62,12 +62,12 @@ class View:
 
     @property
     def azimuth(self) -> float:
-        """Of the view, in degrees, as MuJoCo's free camera has it."""
+        """The angle of the view in degrees, as for MuJoCo's free camera."""
         return self.framing.azimuth
 
     @property
     def elevation(self) -> float:
-        """Of the view, in degrees, as MuJoCo's free camera has it."""
+        """The angle of the view in degrees, as for MuJoCo's free camera."""
         return min(self.framing.elevation, _FROM_ABOVE)
 
     def placed(self, width: float, height: float, free: Rectangle) -> tuple[FloatArray, float]:

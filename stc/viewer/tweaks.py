@@ -122,7 +122,7 @@ class TweakSession:
 
     @property
     def wants(self) -> dict[str, float]:
-        """All values that are given from outside in the motion that is wanted."""
+        """All constants set from outside for the requested motion."""
         with self._change:
             return dict(self._wanted)
 

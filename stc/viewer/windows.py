@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stc.viewer.addresses import LOOPBACK, DisplayError, require_address
 from stc.viewer.panel import Panel
@@ -53,6 +54,22 @@ def desktop_is_there() -> bool:
     except ImportError:
         return False
     return True
+
+
+def restore_flags(flags: NDArray[np.uint8], keys: str) -> None:
+    """Undo what MuJoCo's passive viewer does at keys that have another meaning here.
+
+    Every letter switches an element of its pictures on or off there, and is passed on.
+
+    Args:
+        flags: of the viewer, ``opt.flags``; changed in place.
+        keys: letters that have another meaning.
+    """
+    import mujoco
+
+    for index, (_, initial, key) in enumerate(mujoco.mjVISSTRING):
+        if key and key in keys:
+            flags[index] = int(initial)
 
 
 def require_display() -> None:

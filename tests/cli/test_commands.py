@@ -105,6 +105,25 @@ def test_what_cannot_be_saved_is_told_of_all_the_same(
     assert told["objective"] == pytest.approx(5.0) or told["status"] == "infeasible"
 
 
+def test_what_does_not_fit_on_a_disk_is_saved_among_temporary_files(
+    stc_: Stc, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    save = stc.Solution.save
+
+    def full(self: stc.Solution, path: Path) -> None:
+        if path.parent == Path():
+            raise OSError(errno.ENOSPC, "No space left on device")
+        save(self, path)
+
+    monkeypatch.setattr("stc.solution.Solution.save", full)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    status, _, err = stc_("solve", "point.stc", "-o", "here.npz")
+    (place,) = tmp_path.glob("stc-*/here.npz")
+    assert status == 1
+    assert f"here.npz: No space left on device: the solution is saved as {place} instead" in err
+    assert stc.read(place).status == "optimal"
+
+
 def test_a_folder_that_cannot_be_written_to_is_told_of_before_solving(
     stc_: Stc, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,7 +41,7 @@ def test_mistakes_about_recorded_motions_and_sweeps_are_told(
     Path("a.csv").write_text("time,cart\n0,1\n")
     for arguments, message in (
         (["explain-motion", "a.csv", "--model", "nothing.xml"], "there is no model `nothing.xml`"),
-        (["explain-motion", "b.csv", "--model", "cart_pole.xml"], "b.csv cannot be read"),
+        (["explain-motion", "b.csv", "--model", "cart_pole.xml"], "there is no file `b.csv`"),
         (["explain-motion", "a.csv", "--model", "cart_pole.xml"], "has no column for `joint.pole`"),
         (["explain-motion", "a.csv", "--model", "cart_pole.xml", "-o", "a.csv"], "a spec is saved as *.stc"),
         (["dataset", "."], "is no folder of a sweep"),

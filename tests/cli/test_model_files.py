@@ -73,6 +73,30 @@ _LEG = """<mujoco><worldbody>{floor}<body name="hip" pos="0 0 1">
   <actuator><motor joint="knee"/><motor joint="ankle"/></actuator></mujoco>"""
 
 
+_ROTORS = """<mujoco><worldbody><body name="frame" pos="0 0 1"><freejoint name="root"/>
+    <inertial pos="0 0 .05" mass="1.3" fullinertia=".04 .03 .06 .001 0 0"/>
+    <geom type="box" size=".1 .1 .02" contype="0" conaffinity="0"/>{sites}</body></worldbody>
+    <actuator>{rotors}</actuator></mujoco>"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("most", "title"), [(5.0, "holds a pose"), (3.0, "is let go")])
+def test_a_starter_of_what_flies_hovers_if_its_rotors_lift_it(
+    most: float, title: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Four rotors lift 1.3 kg with 3.2 N each."""
+    monkeypatch.chdir(tmp_path)
+    places = [(-1, -1), (-1, 1), (1, 1), (1, -1)]
+    sites = "".join(f'<site name="s{k}" pos="{0.2 * x} {0.2 * y} .05"/>' for k, (x, y) in enumerate(places))
+    rotors = "".join(
+        f'<motor site="s{k}" gear="0 0 1 0 0 {0.02 * x * y}" ctrlrange="0 {most}" ctrllimited="true"/>'
+        for k, (x, y) in enumerate(places)
+    )
+    Path("drone.xml").write_text(_ROTORS.format(sites=sites, rotors=rotors), encoding="utf-8")
+    assert run(["new", "mine", "--model", "drone.xml"]) == 0
+    assert title in Path("mine.stc").read_text(encoding="utf-8").splitlines()[0]
+
+
 @pytest.mark.parametrize("floor", ["", '<geom type="plane" size="2 2 .1"/>'])
 def test_a_starter_of_a_leg_whose_file_draws_it_beyond_a_stop_solves(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, floor: str

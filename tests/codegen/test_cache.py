@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stc.codegen import cache, engine
+from stc.codegen import cache
 
 
 @pytest.fixture
@@ -140,33 +140,3 @@ def test_concurrent_writers(folder: Path) -> None:
         writer.join()
     assert [writer.exitcode for writer in writers] == [0, 0]
     assert len(list(folder.iterdir())) == 5
-
-
-def test_fingerprint_tells_machines_and_versions_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    from dataclasses import replace
-
-    here = engine.this_machine()
-    texts = {engine.fingerprint()}
-    monkeypatch.setattr(engine, "this_machine", lambda: replace(here, identity="other"))
-    texts.add(engine.fingerprint())
-    monkeypatch.setattr(engine, "own_digest", lambda: "other")
-    texts.add(engine.fingerprint())
-    assert len(texts) == 3
-
-
-def test_an_object_that_does_not_link_is_replaced(folder: Path) -> None:
-    key = cache.key_of("unlinkable")
-    cache.store(key, b"this is whole but no object file")
-    good = engine.compile_ir("define i64 @f() {\n ret i64 7\n}", level=1, optimise=False)
-    made: list[int] = []
-
-    def make() -> bytes:
-        made.append(1)
-        return good
-
-    loaded, cached = engine.cached_object(key, ["f"], make)
-    assert not cached
-    assert made == [1]
-    assert loaded.address("f")
-    assert engine.cached_object(key, ["f"], make)[1]
-    assert made == [1]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from stc.codegen import engine, kernel
 from stc.codegen.fusion import find_fused
 from stc.codegen.interpreter import CHUNK, assemble
-from stc.codegen.kernel import LANES, KernelSet, compile_tapes
+from stc.codegen.kernel import LANES, Backend, compile_tapes
 from stc.codegen.runs import Runs
 from stc.codegen.tape import LOOKUPS, OPERATORS, Tape, build_tape
 from stc.core.library import library
@@ -47,11 +47,9 @@ def _both(tape: Tape, runs: Runs, blocks: int, seed: int, kept: int = 0) -> tupl
     index = rng.integers(0, 190, (blocks, runs.count, LANES)).astype(np.int32)
     given = rng.normal(size=(blocks, runs.kept_width, LANES)) if kept else None
     results = []
-    for interpreted in (False, True):
-        kernels = compile_tapes([tape], [runs], cache=False)
-        if interpreted:
-            kernels = KernelSet([tape], [runs], "llvm")
-            kernels.interpret()
+    ways: tuple[Backend, Backend] = "llvm", "interpreter"
+    for backend in ways:
+        kernels = compile_tapes([tape], [runs], backend, cache=False)
         out = np.full((blocks, len(tape.outputs), LANES), 7.0)
         kernels.bind(0, workspace, uniform, index, out, given)()
         results.append(out)
@@ -111,11 +109,11 @@ def test_machine_code_takes_over_in_prepared_calls() -> None:
     call_it = kernels.bind(0, workspace, np.zeros(0), index, out)
     call_it()
     before = out.copy()
-    kernels.compile_when_due(cache=False)
+    kernels.compile_when_due()
     assert kernels.interpreted
     for _ in range(1000):
         call_it()
-    kernels.compile_when_due(cache=False)
+    kernels.compile_when_due()
     assert not kernels.interpreted
     out[:] = 0.0
     call_it()
@@ -144,9 +142,6 @@ def test_what_does_not_fit_the_stack_is_not_compiled(monkeypatch: pytest.MonkeyP
         out = np.zeros((1, len(tapes[0].outputs), LANES))
         kernels.bind(0, workspace, np.zeros(1), index, out)()
         results.append((kernels[0].is_compiled, out[0, :, 0]))
-        if kernels.interpreted:
-            kernels.compile(cache=False)
-            assert not kernels[0].is_compiled
     assert [compiled for compiled, _ in results] == [False, True]
     assert np.allclose(results[0][1][1:], -np.arange(200.0))
     assert results[1][1][0] == -3.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import struct
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from stc.arrays import aligned_zeros
 from stc.codegen import engine, reference
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
 from stc.codegen.runs import RUN
-from stc.codegen.tape import OPERATORS, TOGETHER, Tape, build_tape
+from stc.codegen.tape import OPERATORS, Tape, build_tape
 from stc.core.calls import Bound, chain, chain_until
 from stc.core.functions import function
 from stc.symbolic import expr
@@ -153,7 +152,6 @@ def test_values_move_to_memory_and_back(registers: int, seed: int, monkeypatch: 
     expected, good = setting.expected(), well_conditioned(setting)
     assert good.mean() > 0.5
     np.testing.assert_allclose(setting.out[good], expected[good], rtol=1e-8)
-    assert "%homes" in kernels.llvm_ir()
 
 
 def test_long_kernels_are_compiled_with_less_effort(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,7 +173,7 @@ def test_every_operator(name: str, uniform: bool, short: bool, monkeypatch: pyte
     if not short:  # as in long kernels, without optimisation
         monkeypatch.setattr("stc.codegen.kernel._LONG", 0)
     arity = OPERATORS[name]
-    if uniform:  # the operation runs once, as scalar code
+    if uniform:  # the operation runs once
         tape = Tape(2, 1, [], [(name, 0, 1 if arity == 2 else -1), ("add", 3, 2)], [3, 4], [True, False])
     else:
         tape = Tape(0, 2, [], [(name, 0, 1 if arity == 2 else -1)], [2], [False])
@@ -186,7 +184,7 @@ def test_every_operator(name: str, uniform: bool, short: bool, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("count", [1, 3, 4, 5, 8, 21])
-@pytest.mark.parametrize(("backend", "width"), [("llvm", 4), ("llvm", 8), ("numpy", 4)])
+@pytest.mark.parametrize(("backend", "width"), [("llvm", 4), ("llvm", 8), ("interpreter", 4)])
 def test_blocks_and_their_filling(
     count: int, backend: Any, width: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -200,13 +198,13 @@ def test_blocks_and_their_filling(
 
 def test_no_blocks_at_all() -> None:
     setting = Setting(double_pendulum(), 4)
-    for backend in ("llvm", "numpy"):
+    for backend in ("llvm", "interpreter"):
         kernels = compile_tapes([setting.tape], backend=backend, cache=False)
         kernels[0](setting.workspace, setting.uniform, setting.index[:0], setting.out[:0])
     assert (setting.out == 1e99).all()
 
 
-def test_many_tapes_share_one_object() -> None:
+def test_many_tapes() -> None:
     first, second = double_pendulum(), build_tape([expr.sym("x") * 2.0], [], ["x"])
     kernels = compile_tapes([first, second, first], backend="llvm", cache=False)
     assert len(kernels) == 3
@@ -214,7 +212,6 @@ def test_many_tapes_share_one_object() -> None:
         setting = Setting(tape, 6, k)
         kernels.bind(k, *setting.arguments)()
         np.testing.assert_allclose(setting.out, setting.expected(), rtol=1e-12)
-    assert kernels.llvm_ir().count("define void @kernel") == 6
     assert not kernels.cached
 
 
@@ -222,39 +219,8 @@ def test_without_tapes_nothing_is_compiled() -> None:
     assert len(compile_tapes([], backend="llvm")) == 0
 
 
-def test_uniform_operations_run_once_per_call() -> None:
-    tape = double_pendulum()
-    ir = compile_tapes([tape], backend="llvm", cache=False).llvm_ir()
-    once = ir[ir.index("once:") : ir.index("block:")]
-    assert tape.n_uniform_ops > 0
-    assert sum(once.count(f" {op} double") for op in ("fadd", "fmul", "fdiv")) == tape.n_uniform_ops
-
-
-def test_sine_and_cosine_of_one_argument_share_their_reduction() -> None:
-    x = expr.sym("x")
-    both = build_tape([expr.call("sin", x), expr.call("cos", x), expr.call("tan", x)], [], ["x"])
-    one = build_tape([expr.call("sin", x)], [], ["x"])
-    for tape in (both, one):
-        ir = compile_tapes([tape], backend="llvm", cache=False).llvm_ir()
-        assert ir[ir.index("define") :].count("@llvm.fabs.") == 1
-
-
-def test_angles_are_computed_before_functions_that_go_together() -> None:
-    names = [f"x{k}" for k in range(7)]
-    sums = [sum(map(expr.sym, names[: k + 1]), start=expr.num(0.0)) for k in range(7)]
-    tape = build_tape([expr.call(("sin", "cos")[k % 2], angle) for k, angle in enumerate(sums)], [], names)
-    kernels = compile_tapes([tape], backend="llvm", cache=False)
-    lines = kernels.llvm_ir()
-    lines = lines[lines.index("compute:") :].splitlines()
-    reductions = [k for k, line in enumerate(lines) if "@llvm.fabs." in line]
-    assert [b - a == 1 for a, b in pairwise(reductions)] == [True, True, True, False, True, True]
-    setting = Setting(tape, 5)
-    kernels[0](*setting.arguments)
-    np.testing.assert_allclose(setting.out, setting.expected(), rtol=1e-13, atol=1e-14)
-
-
 @pytest.mark.parametrize("count", [1, 2, 5, 9])
-def test_angles_that_are_there_are_reduced_together(count: int) -> None:
+def test_angles_that_are_there_go_together(count: int) -> None:
     """Also one of which the tape wants a tangent, or comes to the cosine long after; results are the same bits."""
     names = [f"x{k}" for k in range(count)]
     angles = [expr.sym(name) for name in names]
@@ -270,12 +236,6 @@ def test_angles_that_are_there_are_reduced_together(count: int) -> None:
     kernels[0](*setting.arguments)
     np.testing.assert_allclose(setting.out, setting.expected(), rtol=1e-13, atol=1e-14)
     together = setting.out.copy()
-    ir = kernels.llvm_ir()
-    lines = ir[ir.index("compute:") :].splitlines()
-    reductions = [k for k, line in enumerate(lines) if "@llvm.fabs." in line]
-    # one for each angle and the sum; those of angles that go together follow one another
-    assert len(reductions) == count + 1
-    assert sum(b - a == 1 for a, b in pairwise(reductions)) == count - -(-count // TOGETHER)
     for k, want in enumerate(wanted):
         alone = build_tape([want], ["u"], [names[k]])
         one = Setting(alone, 11)
@@ -289,7 +249,7 @@ def test_angles_that_are_there_are_reduced_together(count: int) -> None:
 
 
 def test_bound_calls_see_new_values() -> None:
-    for backend in ("llvm", "numpy"):
+    for backend in ("llvm", "interpreter"):
         setting = Setting(double_pendulum(), 7)
         call = compile_tapes([setting.tape], backend=backend).bind(0, *setting.arguments)
         for factor in (1.0, 0.5):
@@ -301,14 +261,14 @@ def test_bound_calls_see_new_values() -> None:
 
 def test_chains_run_kernels_and_functions_of_the_core_in_order() -> None:
     setting = Setting(double_pendulum(), 8)
-    for backend in ("llvm", "numpy"):
+    for backend in ("llvm", "interpreter"):
         setting.out[:] = 0.0
         flat = setting.out.reshape(-1)
         result, factors = np.zeros(flat.size), np.full(flat.size, 2.0)
         scaled = function("gather_place").bind(flat.size, flat, factors, result)
         kernel = compile_tapes([setting.tape], backend=backend).bind(0, *setting.arguments)
         both = chain([kernel, scaled])
-        assert both.native == (backend == "llvm")
+        assert both.native
         both()
         np.testing.assert_allclose(result, 2.0 * flat, rtol=1e-13)
         factors[:] = 3.0
@@ -363,7 +323,7 @@ def test_special_values_pass_through() -> None:
         ({"out": np.zeros((2, LANES, 5)).transpose(0, 2, 1)}, "out must be"),
     ],
 )
-@pytest.mark.parametrize("backend", ["llvm", "numpy"])
+@pytest.mark.parametrize("backend", ["llvm", "interpreter"])
 def test_wrong_arrays_are_refused(change: dict[str, Any], message: str, backend: Any) -> None:
     setting = Setting(double_pendulum(), 8)
     arguments: dict[str, Any] = (
@@ -421,13 +381,10 @@ def test_different_tapes_have_different_objects(folder: Path) -> None:
 
 
 def test_stale_code_is_never_loaded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from dataclasses import replace
-
-    here = engine.this_machine()
     compile_tapes([double_pendulum()], backend="llvm")
-    monkeypatch.setattr(engine, "this_machine", lambda: replace(here, identity="llvmlite 0.0.1"))
-    assert not compile_tapes([double_pendulum()], backend="llvm").cached
-    monkeypatch.setattr(engine, "this_machine", lambda: here)
+    with monkeypatch.context() as patched:
+        patched.setattr(engine, "own_digest", lambda: "another version")
+        assert not compile_tapes([double_pendulum()], backend="llvm").cached
     assert compile_tapes([double_pendulum()], backend="llvm").cached
 
 
@@ -455,14 +412,13 @@ def test_unwritable_cache_still_compiles(folder: Path, monkeypatch: pytest.Monke
 
 def test_backend_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STC_BACKEND", "python")
-    assert compile_tapes([double_pendulum()]).backend == "numpy"
+    assert compile_tapes([double_pendulum()]).backend == "interpreter"
     monkeypatch.setenv("STC_BACKEND", "auto")
     assert compile_tapes([double_pendulum()]).backend == "llvm"
-    monkeypatch.setattr(engine, "_importable", lambda: False)
+    monkeypatch.setattr(engine, "_compiler", lambda: None)
     kernels = compile_tapes([double_pendulum()])
-    assert kernels.backend == "numpy"
+    assert kernels.backend == "interpreter"
     assert works(kernels)
-    assert "define void @kernel0" in kernels.llvm_ir()
     monkeypatch.setenv("STC_BACKEND", "llvm")
     with pytest.raises(ImportError, match="llvmlite"):
         compile_tapes([double_pendulum()])

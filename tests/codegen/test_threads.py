@@ -200,18 +200,6 @@ def test_how_many(monkeypatch):
         threads.limit(0)
 
 
-def test_a_processor_to_spare(two, monkeypatch):
-    assert threads._running() >= 1
-    monkeypatch.setattr(os, "cpu_count", lambda: 4)
-    for counts, spare in (([3, 3, 3], True), ([4, 4, 4], False), ([9, 4, 3], True)):
-        reads = iter(counts)
-        monkeypatch.setattr(threads, "_running", lambda reads=reads: next(reads))
-        assert threads.spare() == spare
-    monkeypatch.setattr(threads, "_running", lambda: 1)
-    threads.limit(1)
-    assert not threads.spare()
-
-
 SCRIPT = """
 import os, sys, numpy as np
 from stc.codegen import threads

@@ -262,3 +262,11 @@ def test_the_rate_of_turning_of_a_free_body_is_that_of_mujoco(tmp_path: Path) ->
     np.savez(tmp_path / "a.npz", time=table[:, 0], qpos=table[:, 1:])
     found = read_recording(tmp_path / "a.npz", read_model(file))
     np.testing.assert_allclose(found.velocities(table[:, 0])[10:-10], np.array(speeds)[10:-10], atol=1e-2)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 and no more", bytes(range(256)) * 40])
+@pytest.mark.parametrize("name", ["walk.npz", "walk.csv"])
+def test_a_file_that_holds_no_motion_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(UsageError, match=name):
+        read_recording(tmp_path / name, read_model(models.locate("cart_pole.xml")))

@@ -88,7 +88,7 @@ def test_a_constant_may_count_and_then_stays_what_the_text_says() -> None:
     assert not model.problem().warnings
     assert model.solve()["p"][0] == pytest.approx(2.0)
     assert model.solve(half=1.0, N=3)["p"][0] == pytest.approx(3.0)
-    with pytest.raises(UsageError, match="`N` is the end of a repetition"):
+    with pytest.raises(UsageError, match="`N` cannot be set from outside"):
         model.solve(N=4)
 
 

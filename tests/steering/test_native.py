@@ -16,6 +16,7 @@ class Window:
 
     def __init__(self):
         self.texts = None
+        self.opt = mujoco.MjvOption()
 
     def lock(self):
         return nullcontext()
@@ -71,5 +72,9 @@ def test_the_body_is_shown_where_the_motion_has_it(steered):
     last = [session.solution[name][-1] for name in ("a1", "a2", "a3")]
     assert np.allclose(data.qpos, last, atol=1e-9)
     assert window.texts[2] == "solved"
+    # The viewer has its own meaning of this key, the islands of constraints, and switches them on.
+    window.opt.flags[mujoco.mjtVisFlag.mjVIS_ISLAND] = 1
+    draw(window, model, data, balls, 0.0)
+    assert np.array_equal(window.opt.flags, mujoco.MjvOption().flags)
     balls.press(ord("N"))
     assert balls.frame in (0, 60)

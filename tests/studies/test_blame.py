@@ -242,3 +242,11 @@ def test_the_command_line_names_them(
     record = json.loads(capsys.readouterr().out)
     assert record["blame"]["minimal"] is True
     assert [one["line"] for one in record["blame"]["culprits"]] == [4, 5]
+
+
+def test_a_solve_that_ends_with_all_statements_met_is_told_to_go_on() -> None:
+    spec = """constants: n = 10, T = 1, h = T/n; variables: x, u;
+      constraints: [0, n]: x' = u; [0]: x = 0; [n]: x = 1; objective: [0, n]: integral(exp(u^2) + u^4);"""
+    found = blamed(spec, max_iterations=2)
+    assert not found.culprits
+    assert found.summary.startswith("All statements hold where the solve ended")

@@ -40,36 +40,60 @@ def test_known_kinds(name: str, strong: bool, degenerate: bool) -> None:
     [
         ("x + y", "strong", True),
         ("(x - 1)^2 + (y - 1)^2", "C", False),
+        ("(x - 1)^2 + y^3 + y^2", "M", False),  # Leyffer & Munson 2007: better points are along x
         ("x - y", "weak", False),
         ("x - 0*y - z", "strong", True),
+        ("1e-3*((x - 1)^2 + y^2)", "M", False),
     ],
 )
-def test_at_the_corner(objective: str, kind: str, b_stationary: bool) -> None:
-    """``x = y = 0`` by hand, with the multipliers that balance the objective's slopes there."""
-    spec = f"""
+@pytest.mark.parametrize("weight", [0.0, 1e6])
+def test_at_the_corner(objective: str, kind: str, b_stationary: bool, weight: float) -> None:
+    """``x = y = 0``, whatever the solver says of the product's multiplier."""
+    model = stc.load(f"""
     constants: n = 0; variables: x, y, z;
     constraints: 0 <= x complements y >= 0; z = 0;
     objective: {objective};
-    """
-    model = stc.load(spec)
+    """)
     solution = model.solve(max_iterations=0)
-    slope = {"x": 0.0, "y": 0.0, "z": 0.0}
-    for name in slope:
-        at = {key: 1e-6 * (key == name) for key in slope}
-        value = eval(objective.replace("^", "**"), {}, at)
-        slope[name] = (value - eval(objective.replace("^", "**"), {}, dict.fromkeys(slope, 0.0))) / 1e-6
-    made = replace(
-        solution,
-        status="optimal",
-        x=np.zeros(3),
-        row_multipliers=np.zeros(len(solution.row_multipliers)),
-        bound_multipliers=-np.array([slope["x"], slope["y"], slope["z"]]),
-    )
+    count = len(solution.row_multipliers)
+    made = replace(solution, status="optimal", x=np.zeros(3), row_multipliers=np.full(count, weight))
     made.origin = model
     found = made.complementarity()
     assert found is not None
     assert (found.stationarity, found.b_stationary) == (kind, b_stationary)
     assert [one.frames for one in found.degenerate] == [[]]
+
+
+def test_a_force_in_small_units_hides_no_better_point() -> None:
+    """A ball whose free fall reaches the floor exactly at the end of a step, and that ought to begin higher.
+
+    It may: it then lands a step later.  Its force at that landing is 1e4 times as large as its height.
+    """
+    steps, size, g = 30, 0.01, 9.81
+    height = g * size**2 * steps * (steps + 1) / 2
+    spec = f"""
+    constants: n = 40, h = {size};
+    variables: y, v, p;
+    constraints:
+      [1, n]: v - v[i-1] = h*(p - {g}); y - y[i-1] = h*v; 0 <= y complements p >= 0;
+      [0]: v = 0; p = 0;
+    objective: [0]: 0.1*(y - {height} - 1)^2;
+    """
+    model = stc.load(spec)
+    solution = model.solve(max_iterations=0)
+    frames = np.arange(41)
+    fall = np.maximum(0.0, height - g * size**2 * frames * (frames + 1) / 2)
+    fall[steps:] = 0.0
+    speed = np.append(0.0, np.diff(fall) / size)
+    force = np.append(0.0, np.diff(speed) / size + g)
+    force[: steps + 1] = 0.0
+    x = np.column_stack([fall, speed, force]).ravel()
+    made = replace(solution, status="optimal", x=x)
+    made.origin = model
+    found = made.complementarity()
+    assert found is not None and found.residual < 1e-9
+    assert found.b_stationary is False
+    assert [one.frames for one in found.degenerate] == [[float(steps)]]
 
 
 def test_degenerate_frames_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,10 +9,10 @@ import pytest
 
 import stc
 from stc.pipeline import Model
-from stc.studies.doubled import apart, range_of
+from stc.studies.doubled import apart, sizes
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
-from stc.studies.grid_error import GROSS, determined, local_grid_error
+from stc.studies.grid_error import GROSS, determined, grid_error, local_grid_error
 
 ACROBOT = """
 constants:
@@ -119,7 +119,7 @@ def true_error(coarse, finer):
     gaps = []
     for name in determined(coarse.origin.problem(coarse.method, **coarse.overrides), coarse):
         one, other = coarse.trajectories[name, 0], finer.trajectories[name, 0]
-        gaps.append(np.abs(one.after - other.after[::times]).max() / range_of(other))
+        gaps.append(np.abs(one.after - other.after[::times]).max() / sizes(finer, [name])[name])
     return abs(coarse.objective - finer.objective) / abs(finer.objective), max(gaps)
 
 
@@ -298,3 +298,17 @@ def test_a_busy_machine_changes_nothing(monkeypatch) -> None:
     assert solution.grid_error() == expected
     assert slept
     assert expected != local_grid_error(solution)
+
+
+def test_a_joint_that_hardly_moves_needs_no_finer_grid(tmp_path):
+    (tmp_path / "spring.xml").write_text("""<mujoco><worldbody><body name="mass">
+      <joint name="x" type="slide" axis="1 0 0" stiffness="400"/><geom type="sphere" size="0.1" mass="1"/>
+      </body></worldbody><actuator><motor name="push" joint="x"/></actuator></mujoco>""")
+    spec = """constants: n = 8, T = 2, h = T/n, D = 0.5; model: "spring.xml"; method: central;
+      constraints: [0]: joint.x; rest; [n]: joint.x = D; rest; objective: [0, n]: integral(effort);"""
+    (tmp_path / "spring.stc").write_text(spec)
+    model = stc.load(tmp_path / "spring.stc")
+    # The problem is linear: both motions have the same shape, and one of them is smaller than anyone sees.
+    assert grid_error(model.solve()).gross
+    still = grid_error(model.solve(D=5e-7))
+    assert still.motion < 0.01

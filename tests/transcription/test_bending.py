@@ -20,7 +20,7 @@ TEXT = """
 
 def bound(statement: str, **constants: float) -> BoundProgram:
     _, transcription = stc.load(TEXT.replace("STATEMENT", statement)).transcription()
-    transcription.compile(backend="numpy")
+    transcription.compile(backend="interpreter")
     return transcription.bind({**transcription.problem.constants, **constants}, check=False)
 
 

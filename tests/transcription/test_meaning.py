@@ -144,7 +144,7 @@ def cases():
 def bound_at_random(text, overrides, method=None):
     problem = elaborate(parse(Source("case", text)), overrides, method)
     transcription = transcribe(problem)
-    transcription.compile(backend="numpy")
+    transcription.compile(backend="interpreter")
     bound = transcription.bind()
     rng = np.random.default_rng(11)
     free = bound.x0 + 0.1 * rng.standard_normal(bound.n)

@@ -10,7 +10,8 @@ from closed_form_motions import nodes, solution_of
 
 from stc.solution import ReplayChannel, Solution
 from stc.trajectory import Channel
-from stc.validate.contact_drift import contact_drift, drift_metrics, drift_notes
+from stc.validate.contact_drift import contact_drift, drift_metrics, drift_notes, slips
+from stc.validate.replay import Replay
 from stc.validate.verdict import open_setup
 
 MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 .1"/>
@@ -74,3 +75,17 @@ def test_what_moves_too_far_is_told_with_its_frames(tmp_path: Path) -> None:
     (note,) = drift_notes(stands)
     assert note.startswith("geom.sole stands on frames 5 to 15 and moves by 0.03 m until frame 15")
     assert drift_notes(contact_drift(open_setup(motion(tmp_path, x=1e-4)))) == []
+
+
+def test_a_contact_that_slips_in_a_replay_is_found_with_its_frame(tmp_path: Path) -> None:
+    """A crate that slips by 0.3 mm in each frame from frame 5 on, and a wheel that rolls as far: joints in order."""
+    setup = open_setup(motion(tmp_path))
+    positions, velocities = np.zeros((21, 4)), np.zeros((21, 4))
+    positions[:, 0] = positions[:, 2] = 3e-4 * np.clip(np.arange(21) - 5, 0, None)
+    positions[:, 3] = positions[:, 2] / 0.1
+    velocities[5:] = [3e-3, 0.0, 3e-3, 3e-2]
+    replayed = Replay("rk4", 1e-3, positions, velocities, np.zeros((21, 0)), TIME, positions)
+    (slip,) = slips(setup, replayed, ())
+    assert (slip.name, slip.body, slip.first, slip.frame) == ("geom.sole", "crate", 5, 9)
+    velocities[:, 3] = 0.0  # the wheel is braked
+    assert [slip.name for slip in slips(setup, replayed, ())] == ["geom.sole", "geom.tyre"]

@@ -99,12 +99,6 @@ def test_a_loop_that_its_condition_closes_too_slowly_wants_frames_alone(judged):
     assert any("joint lines" in step for step in wrong.next_steps)
 
 
-def test_the_frames_that_are_advised_close_a_loop(judged):
-    frames = re.search(r"--set n=(\d+)", " ".join(judged(n=30).next_steps))
-    assert frames is not None
-    assert judged(n=int(frames[1])).passed
-
-
 def test_a_loop_stated_by_velocities_drifts_as_well(judged):
     certificate = judged("xe' = 0; ze' = 0;", start="")
     assert opened(certificate) > 1e-3

@@ -171,7 +171,7 @@ def test_keys_do_the_same_where_there_is_no_panel(player):
     assert player.timeline.now == pytest.approx(0.5 / 8)
     press(player, 264)
     assert player.timeline.speed == 0.5
-    press(player, ord("L"))
+    press(player, ord("E"))
     press(player, ord("O"))
     assert not player.timeline.loop and player.options.tracked
     press(player, ord("B"))

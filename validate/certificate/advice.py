@@ -261,6 +261,12 @@ def cured_by_frames(metric: Metric) -> bool:
     return _on_ground(metric) or metric.name.startswith((*_STEP, "equality broken"))
 
 
+def only_effects(metrics: Sequence[Metric]) -> bool:
+    """Whether a replay on the ground failed and nothing shows a mistake in the spec's equations or forces."""
+    failed = [metric for metric in metrics if metric.verdict == "fail"]
+    return any(_on_ground(one) for one in failed) and all(cured_by_frames(one) for one in failed)
+
+
 def _on_ground(metric: Metric) -> bool:
     return "on the ground" in metric.name or metric.name.startswith(_GROUND)
 

@@ -59,14 +59,15 @@ def drifts(setup: Setup) -> list[str]:
 
 
 def drift_step(setup: Setup, more_frames: str, drifts: Sequence[str]) -> str:
-    """Advice on equalities that drift open, of which :func:`drifts` tells."""
+    """Advice on equalities that drift open, as found by :func:`drifts`."""
     fast = float(f"{0.5 / np.diff(setup.solution.time).max():.1g}")
     frames = f"take more frames: {more_frames}" if more_frames else "take more frames"
     if not any(line.endswith(_ONLY_RATES) for line in drifts):
         return frames
+    # With more frames the solver may find another motion, which drifts elsewhere.
     return (
-        f"{frames}; or constrain the position too: for a condition g = 0, write g'' + {2.0 * fast:g}*g' + "
-        f"{fast**2:g}*g = 0 in place of g'' = 0"
+        f"constrain the position too: for a condition g = 0, write g'' + {2.0 * fast:g}*g' + {fast**2:g}*g = 0 in "
+        f"place of g'' = 0; or {frames}, which closes the loop as long as the motion remains the same"
     )
 
 
@@ -103,7 +104,7 @@ def _node_values(frames: FloatArray, mid: FloatArray | None) -> FloatArray:
 
 
 def steps(setup: Setup, touching: Sequence[Touch] = ()) -> list[str]:
-    """Advice for these findings, one line each.
+    """Advice on the causes found in the solved motion, one line each.
 
     Args:
         setup: the motion.

@@ -119,7 +119,7 @@ class Certificate:
 
     @property
     def _drifts(self) -> list[str]:
-        """Which equalities drift open, where one is broken."""
+        """The equalities that drift open, if one of them is broken."""
         broken = any(m.name.startswith("equality broken") and m.verdict == "fail" for m in self.metrics)
         return causes.drifts(self.replays.setup) if broken else []
 
@@ -145,6 +145,8 @@ class Certificate:
             drift=causes.drift_step(setup, self.more_frames, drifts) if drifts else "",
             soft=contact_causes.soft_step(self.replays),
         )
+        if advice.only_effects(self.metrics):
+            steps = [*contact_causes.slip_steps(self.replays), *steps]
         if self.equations is None or not self.equations.steps:
             return steps
         plain = [step for step in steps if self.equations.plain or step != advice.EQUATIONS_STEP]

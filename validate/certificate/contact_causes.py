@@ -9,10 +9,12 @@ import numpy as np
 from stc.validate import limits
 from stc.validate.certificate.advice import FRICTION_STEP
 from stc.validate.contact import missing_contacts
+from stc.validate.contact_drift import slips
 from stc.validate.contact_meter import TOUCHES, touchable, touching, welded
 from stc.validate.contact_nodes import nodes_of, pose
 
 if TYPE_CHECKING:
+    from stc.validate.contact_drift import Slip
     from stc.validate.contact_forces import ContactForces
     from stc.validate.verdict import Replays
 
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 _ACTS = 1e-3
 #: Contacts with a larger time constant than this, in s, give way visibly at a landing.
 _SOFT = 5e-3
+#: From this share of the model's friction on, forces that differ a little from the solved ones make a contact slip.
+_FULL = 0.8
 
 
 def causes(replays: Replays) -> list[str]:
@@ -96,6 +100,31 @@ def soft_step(replays: Replays) -> str:
         f"make the model's contacts stiffer, which give way with a time constant of {time:g} s: the lines "
         "`set option.solref.time = 0.0005; set option.impratio = 100;` under replay: do that"
     )
+
+
+def slip_steps(replays: Replays) -> list[str]:
+    """Advice on the contact that slips first in the replay, if the solved forces left it hardly any friction."""
+    motion = replays.tracked or replays.open_loop
+    for slip in slips(replays.setup, motion, replays.ground):
+        used = max((_used(one, slip) for one in replays.ground if one.body == slip.body), default=0.0)
+        if used < _FULL:
+            continue
+        return [
+            f"{slip.name} slips in the replay from t = {replays.setup.solution.time[slip.frame]:.3g} s, where the "
+            f"solved forces use {100.0 * used:.2g} % of the model's friction: leave it more to spare, by a smaller "
+            "`friction` in the spec or a larger one in the model"
+        ]
+    return []
+
+
+def _used(one: ContactForces, slip: Slip) -> float:
+    """The largest share of the model's friction that the solved forces of a body use until it slips."""
+    seen = one.judged
+    press = np.sum(seen.force * seen.normal, axis=1)
+    across = np.linalg.norm(seen.force - press[:, None] * seen.normal, axis=1)
+    time = one.time
+    at = (seen.time >= time[slip.first]) & (seen.time <= time[slip.frame]) & (press * seen.friction > 0.0)
+    return float(np.max(across[at] / (press * seen.friction)[at], initial=0.0))
 
 
 def contact_steps(replays: Replays) -> list[str]:

@@ -72,7 +72,7 @@ def _suffixes(kind: str) -> tuple[str, ...]:
 
 
 def format_of(path: str | os.PathLike[str]) -> str:
-    """The format that a file's suffix tells; of several that have it the first.
+    """The format of a file by its suffix; the first one if several formats share the suffix.
 
     Raises:
         UsageError: no format has it.

@@ -1,4 +1,4 @@
-"""What of a model can be seen, for files of animation: surfaces by trimesh, colours, and poses of bodies over time."""
+"""The visible parts of a model, for files of animation: surfaces by trimesh, colours, and poses of bodies over time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SHARP = 0.6
 
 
 def local_poses(model: mujoco.MjModel, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where every body is in its parent's frame.
+    """The position and rotation of every body in the frame of its parent.
 
     Args:
         model: what moves.
@@ -69,7 +69,7 @@ def pose_matrix(translation: FloatArray, quaternion: FloatArray) -> FloatArray:
 
 
 def body_names(model: mujoco.MjModel, world: str, taken: Set[str] = frozenset()) -> dict[int, str]:
-    """A name for each body, all different: MuJoCo's own, ``world`` for the first; none of those that are taken."""
+    """A unique name for each body: MuJoCo's own, ``world`` for the first, and none of the names that are taken."""
     names: dict[int, str] = {}
     for body in range(model.nbody):
         name = world if body == 0 else model.body(body).name or f"body{body}"
@@ -79,7 +79,7 @@ def body_names(model: mujoco.MjModel, world: str, taken: Set[str] = frozenset())
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What a surface is painted with.
+    """The colour and reflection of a surface.
 
     Attributes:
         name: of MuJoCo's material; "paint" where it has none.
@@ -96,7 +96,7 @@ class Look:
 
 
 def shown_geoms(model: mujoco.MjModel) -> Iterator[tuple[int, Look]]:
-    """The geoms that MuJoCo shows unless told otherwise, with their looks."""
+    """The geoms that MuJoCo shows by default, with their looks."""
     for geom in range(model.ngeom):
         look = _look(model, geom)
         if model.geom_group[geom] < _SHOWN_GROUPS and look.rgba[3] > 0.0:
@@ -121,7 +121,7 @@ def _look(model: mujoco.MjModel, geom: int) -> Look:
 
 
 def same_surface(model: mujoco.MjModel, geom: int) -> tuple[Any, ...]:
-    """The same for geoms whose surfaces are the same."""
+    """A key that is equal for geoms with equal surfaces."""
     return int(model.geom_type[geom]), int(model.geom_dataid[geom]), tuple(model.geom_size[geom])
 
 

@@ -50,14 +50,6 @@ API void conditions_restrict(primal_dual *p);
 API void conditions_restricted_diagonals(primal_dual *p, double shift_x, double shift_y, double firm);
 /* What a step does: pull = -(gradient + H d + J^T y) and moved = J d; 0, or nan where it is not finite. */
 API double conditions_respond(const primal_dual *p, const double *d, const double *y, double *pull, double *moved);
-/* The active set that a solution for active suggests; returns in how many constraints they differ.
- *
- * slack: smallest violation, and multiplier of the wrong sign, that counts.
- * equal: 1 for constraints that are active always, whose sign is 0.
- * move: what the step changes, low and high how far it may. */
-API int64_t conditions_better_signs(int64_t count, double slack, const int32_t *active, const double *equal,
-                                    const double *move, const double *multiplier, const double *low,
-                                    const double *high, int32_t *out);
 /* Right-hand side of another step on an active set that the point is on already. */
 void conditions_remain(primal_dual *p);
 /* The point after a Newton step on the active set, inside the bounds; 0 where it is not finite. */

@@ -239,7 +239,7 @@ void conditions_restricted_diagonals(primal_dual *p, double shift_x, double shif
         primal[i] = p->active_x[i] == 0.0 ? shift_x : nlp->held[i] != 0.0 ? 1.0 : firm;
     for (int64_t k = 0; k < nlp->m; k++) {
         double active = nlp->equality[k] != 0.0 ? shift_y : nanmax(NOTHING, shift_y);
-        dual[k] = p->active_rows[k] == 0.0 ? 1.0 / NOTHING : active;
+        dual[k] = p->active_rows[k] == 0.0 ? 1.0 / (NOTHING * NOTHING) : active;
     }
 }
 
@@ -271,30 +271,6 @@ double conditions_respond(const primal_dual *p, const double *restrict d, const 
         moved[k] += jac[e] * d[i];
     }
     return check;
-}
-
-int64_t conditions_better_signs(int64_t count, double slack, const int32_t *active,
-                                const double *equal, const double *move,
-                                const double *multiplier, const double *low,
-                                const double *high, int32_t *out) {
-    int64_t different = 0;
-    for (int64_t k = 0; k < count; k++) {
-        int64_t now = active[k];
-        int64_t new = 0;
-        if (equal[k] == 0.0) {
-            if (now > 0)
-                new = multiplier[k] >= -slack ? now : 0;
-            else if (now < 0)
-                new = multiplier[k] <= slack ? now : 0;
-            else if (move[k] > high[k] + slack)
-                new = !(move[k] < low[k] - slack) ? 1 : 0;
-            else if (move[k] < low[k] - slack)
-                new = -1;
-        }
-        out[k] = (int32_t)new;
-        different += new != now;
-    }
-    return different;
 }
 
 void conditions_remain(primal_dual *p) {

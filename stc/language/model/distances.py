@@ -104,7 +104,7 @@ class Distances:
         hint = "as in `distance(geom.left, geom.right)`"
         kind, *rest = parts_of(node.name) if isinstance(node, syntax.Name) else ("",)
         if kind != "geom" or len(rest) != 1:
-            raise PathError("a distance is one between two geoms", hint)
+            raise PathError("`distance` takes two geoms", hint)
         geoms = self.scope.mechanism.geoms
         index = index_of(geoms, rest[0])
         if index is None:

@@ -26,7 +26,7 @@ stated by complementary pairs, whose products are an exact penalty (:mod:`stc.so
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -66,14 +66,19 @@ def free_contacts(contacts: Contacts) -> list[FreeContact]:
         if turning:
             along.append(dot(vector(phase.surface.normal), (turning[0], turning[1], turning[2])))
         span = contacts.context.span(phase.statement)
-        found.append(FreeContact(contact.name, gaps, pressure, along, contacts.scope.weight, span))
+        sticks = not contact.says("slides")
+        by_pairs = not sticks and len(_along(contact, along)) == 1
+        found.append(
+            FreeContact(
+                contact.name, gaps, pressure, along, contacts.scope.weight, span, sticks, not by_pairs
+            )
+        )
     return found
 
 
 def is_relaxed(contacts: Contacts) -> bool:
     """Whether a constant relaxes the laws of free contacts."""
-    found = zip(contacts.free(), free_contacts(contacts), strict=True)
-    return any(not _by_pairs(contact, one) for contact, one in found)
+    return any(found.relaxed for found in free_contacts(contacts))
 
 
 def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact) -> Iterator[Relation]:
@@ -83,9 +88,9 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     def row(body: Expr, lower: Expr | None, upper: Expr | None, text: str) -> Relation:
         return Relation(body, lower, upper, where, found.span, f"{contact.name} {text}")
 
-    along = _along(contact, found)
+    along = _along(contact, found.slip)
     friction = mul(contact.options["friction"], pressure)
-    if _by_pairs(contact, found):
+    if not found.relaxed:
         yield from _pairs(contact, found, where, friction, *along[0])
         return
     allowed = mul(sym(ConstantRef(RELAXATION)), num(found.weight))
@@ -101,7 +106,7 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
         yield from contacts.cone(contact, phase, parts, where)
     allowed = mul(num(RATE), allowed)
     moving = [rate for rate in found.slip if rate is not ZERO]
-    if not contact.says("slides"):
+    if found.sticks:
         for rate in moving:
             yield row(mul(pressure, rate), neg(allowed), allowed, "does not slip where it touches")
             if contact.kind == "point":
@@ -117,20 +122,15 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     yield row(power, None, allowed, "has full friction against its sliding")
 
 
-def _along(contact: Contact, found: FreeContact) -> list[tuple[Expr, Expr]]:
+def _along(contact: Contact, slip: Sequence[Expr]) -> list[tuple[Expr, Expr]]:
     """The force and the velocity of a contact along each axis of its surface in which it can move."""
     assert contact.free is not None
     force = _force(contact)
     return [
         (dot(vector(tangent), force), rate)
-        for tangent, rate in zip(contact.free.surface.tangents, found.slip, strict=False)
+        for tangent, rate in zip(contact.free.surface.tangents, slip, strict=False)
         if rate is not ZERO
     ]
-
-
-def _by_pairs(contact: Contact, found: FreeContact) -> bool:
-    """Whether the laws of a contact are complementary pairs: if it may slide along one line."""
-    return contact.says("slides") and len(_along(contact, found)) == 1
 
 
 def _pairs(

@@ -103,7 +103,7 @@ def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None 
 
 
 def pins_to_keep(given: Matrix, pinned: Sequence[int]) -> list[int]:
-    """Of the degrees of freedom that a pose fixes, those that given rows leave free, the best determined first.
+    """The degrees of freedom of a fixed pose that the given rows leave free, the best determined first.
 
     Args:
         given: rows that hold already, (k, nv).

@@ -219,6 +219,11 @@ class Paths:
             names = [name for found in self.scope.coordinates for name in found.names]
         elif kind == "actuator":
             names = self.scope.controls
+        elif any(name.startswith(f"{kind}_f") for name, _ in self.scope.contact_forces):
+            return (
+                f"`{kind}` is a contact: its place is that of the geom, site or body that it names, such as "
+                f"`geom.NAME.x`; its forces are `{kind}_fx`, `{kind}_fz`"
+            )
         else:
             return did_you_mean(kind, known) or f"paths begin with {', '.join(f'`{one}.`' for one in known)}"
         return f"it has {', '.join(f'`{name}`' for name in names[:12])}" if names else f"it has no {kind}s"

@@ -132,7 +132,9 @@ class Poses:
         else:
             slide = self._root_slide(2)
             if slide is None:
-                self.context.error(pose, f"the model cannot be moved up or down (line {at})")
+                self.context.error(
+                    pose, f"`grounded` moves the root up or down, and no joint of it does (line {at})"
+                )
                 return None
             name, sign = slide
         return {**values, name: sub(values[name], num(sign * lowest))}

@@ -207,13 +207,13 @@ class Schedule:
             return Contact(name, kind, statement, (of, rest[0]), sole, half=(x, y))
         if geom.kind != "sphere":
             raise PathError(
-                f"the geom `{rest[0]}` is a {geom.kind}, which touches at no one point",
+                f"the geom `{rest[0]}` is a {geom.kind}, which does not touch at a single point",
                 self._instead(geom),
             )
         return Contact(name, kind, statement, (of, rest[0]), frame, radius=geom.size[0] + geom.margin)
 
     def _instead(self, geom: Geom) -> str:
-        """What to write for a geom that is no sphere."""
+        """A hint for a contact at a geom that is not a sphere."""
         body = self.scope.mechanism.bodies[geom.body].name
         if geom.kind == "cylinder" and body:
             x, y, z = geom.pos
@@ -333,7 +333,11 @@ class Schedule:
             joins = before.way != after.way and before.surface == after.surface
             if after.frames.first < before.frames.last + (not joins):
                 message = f"`{contact.name}` stands already on {before.frames}"
-                self.context.error(after.statement, message, "its ranges may not overlap")
+                hint = (
+                    f"two ranges in which it stands may not share a frame: write one for both, from frame "
+                    f"{before.frames.first} to {max(before.frames.last, after.frames.last)}"
+                )
+                self.context.error(after.statement, message, hint)
         landed = 0
         touched = 0
         for phase in contact.phases:

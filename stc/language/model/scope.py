@@ -314,7 +314,7 @@ def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
 def _known_words(
     words: Iterable[syntax.Name], known: Mapping[str, object], what: str, diagnostics: Diagnostics
 ) -> list[str]:
-    """The words that stand for something; the others are errors."""
+    """The words that are known; each other one is reported as a mistake."""
     for word in words:
         if word.name not in known:
             hint = did_you_mean(word.name, known) or f"what can be {what} is {', '.join(known)}"

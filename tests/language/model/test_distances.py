@@ -147,7 +147,7 @@ objective: [0, n]: integral(effort);"""
 
 MISTAKES = {
     "distance(geom.left)": "takes 2 geoms, not 1",
-    "distance(geom.left, body.r)": "a distance is one between two geoms",
+    "distance(geom.left, body.r)": "`distance` takes two geoms",
     "distance(geom.left, geom.rigth)": "the model has no geom `rigth`",
     "distance(geom.left, geom.left)": "a geom and itself",
     "point(body.l, 0, 0, 1)": "a point is not a number",

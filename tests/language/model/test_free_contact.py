@@ -209,6 +209,39 @@ def test_a_pushed_box_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) ->
     assert validate(solution).passed
 
 
+def test_a_ball_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
+    """It falls for sqrt(2 z/g); every frame but those of the landing has either a gap or a force."""
+    rough = stc.load(DOCS / "ball_free.stc").solve()
+    assert rough.status == "optimal"
+    kind = rough.complementarity()
+    assert kind is not None and kind.b_stationary is True and not kind.degenerate
+    (tmp_path / "ball.xml").write_text((DOCS / "ball.xml").read_text())
+    write_schedule(rough, tmp_path / "scheduled.stc")
+    solution = stc.load(tmp_path / "scheduled.stc").solve(n=120)
+    assert solution.status == "optimal"
+    height = values(solution, "joint.z")
+    landed = solution.time[np.flatnonzero(height < 1e-9)[0]]
+    assert landed == pytest.approx(sqrt(2 * height[0] / G), rel=1e-6)
+    assert validate(solution).passed
+
+
+def test_frames_with_neither_gap_nor_force_are_told(tmp_path: Path) -> None:
+    """A block that a motor has taken all weight off lies on the floor: it may rise or stay."""
+    model = BLOCK.replace("</worldbody>", '</worldbody><actuator><motor name="lift" joint="z"/></actuator>')
+    spec = f"""constants: n = 10, T = 0.2, h = T/n;
+    contact: foot = point(site.bottom), friction = 0.3;
+      free: foot;
+    constraints: [0]: joint.x; joint.y; joint.z; rest;
+    objective: [0, n]: (actuator.lift - {MASS * G})^2 + foot_fz^2;
+    """
+    found = load(tmp_path, model, spec).solve().complementarity()
+    assert found is not None
+    assert found.b_stationary is None
+    (place,) = found.degenerate
+    assert place.frames == list(range(1, 11))
+    assert "free: foot" in str(found) and "not known to be B-stationary" in str(found)
+
+
 SLIDE = """constants: n = 20, T = 0.4, h = T/n, v = 1;
 contact: foot = point(site.bottom), friction = 0.3;
   [0, n]: foot slides WAY;

@@ -25,6 +25,14 @@ CASES = {
     "site": ("contact: FL = point(site.F);", "the model has no site `F`"),
     "two": ("contact: FL = point(site.FL); [0, 5]: FL; [4, 8]: FL;", "stands already on [0, 5]"),
     "force": ("forces: joint.hip: 3;", "`joint.hip` is not declared"),
+    "touching": (
+        "contact: FL = point(site.FL); [0, 5]: FL; [5, 8]: FL;",
+        "write one for both, from frame 0 to 8",
+    ),
+    "contact": (
+        "contact: FL = point(site.FL); [0, n]: FL; constraints: [n]: FL.x = 1;",
+        "such as `geom.NAME.x`; its forces are `FL_fx`",
+    ),
     "mass": ("constants: k = body.nothing.mass;", "is not declared"),
 }
 

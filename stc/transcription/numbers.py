@@ -1,0 +1,57 @@
+"""Values of expressions of constants and node data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stc.problem import ConstantRef, ParameterRef, VariableRef
+from stc.symbolic.expr import Expr, evaluate, symbols
+from stc.transcription.grid import Nodes
+from stc.transcription.layout import Layout
+from stc.transcription.lower import DataRef, data_values
+from stc.transcription.statements import Statements
+from stc.transcription.steps import Steps
+
+FloatArray = NDArray[np.float64]
+
+
+class Numbers:
+    """Evaluates expressions of constants and node data for given constants."""
+
+    def __init__(
+        self, statements: Statements, steps: Steps, coefficients: FloatArray, constants: Mapping[str, float]
+    ) -> None:
+        self.steps, self.coefficients = steps, coefficients
+        self.weights = {k: table.values(coefficients) for k, table in enumerate(statements.weights)}
+        self.constants: dict[object, float] = {ConstantRef(name): value for name, value in constants.items()}
+        self._known: dict[Expr, float] = {}
+
+    def data(self, ref: DataRef, nodes: Nodes) -> FloatArray:
+        return data_values(ref, nodes, self.steps, self.coefficients, self.weights)
+
+    def at(self, e: Expr, nodes: Nodes) -> FloatArray:
+        """The value of ``e`` at every node. (k,)"""
+        data = [key for key in symbols(e) if isinstance(key, DataRef)]
+        if data:
+            given: dict[object, float | FloatArray] = {
+                **self.constants,
+                **{key: self.data(key, nodes) for key in data},
+            }
+            return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
+        value = self._known.get(e)
+        if value is None:
+            value = self._known[e] = float(evaluate(e, self.constants))
+        return np.full(len(nodes), value)
+
+    def of_unknowns(self, e: Expr, nodes: Nodes, layout: Layout, x: FloatArray) -> FloatArray:
+        """The value of ``e`` at every node of a decision vector ``x`` (layout.size,). (k,)"""
+        given: dict[object, float | FloatArray] = dict(self.constants)
+        for key in symbols(e):
+            if isinstance(key, VariableRef | ParameterRef):
+                given[key] = x[layout.position(key, nodes)]
+            elif isinstance(key, DataRef):
+                given[key] = self.data(key, nodes)
+        return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
