@@ -15,8 +15,7 @@ def distinct(values: NDArray) -> NDArray:
 
 
 def ranks(values: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """The rank of each entry among the distinct values in ascending order, and the number of distinct
-    values.
+    """The rank of each entry among the distinct values in ascending order, and the number of these values.
 
     This is the inverse of ``numpy.unique``, without sorting if the values are close together.
     """

@@ -17,7 +17,13 @@ import numpy as np
 from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.contact_meter import ContactMeter, touchable, welded
-from stc.validate.contact_nodes import NodeForces, nearest_node, node_forces, nodes_of
+from stc.validate.contact_nodes import (
+    NodeForces,
+    nearest_node,
+    node_forces,
+    nodes_of,
+    press_and_friction,
+)
 from stc.validate.grips import grips
 from stc.validate.impacts import jumping_frames
 from stc.validate.metrics import FloatArray, Metric
@@ -265,8 +271,7 @@ def _cone_metrics(one: ContactForces) -> list[Metric]:
     known = np.isfinite(seen.normal[:, 0]) | ~np.isfinite(seen.friction)
     normal, friction = seen.normal[nearest], seen.friction[nearest]
     pull = abs(float(np.min(np.sum(seen.force * normal, axis=1)[known], initial=0.0))) / largest
-    press = np.sum(seen.lasting * normal, axis=1)
-    tangent = np.linalg.norm(seen.lasting - press[:, None] * normal, axis=1)
+    press, tangent = press_and_friction(seen.lasting, normal)
     pressed = known & (press > _PRESSED * largest)
     with np.errstate(divide="ignore", invalid="ignore"):
         slip = np.where(tangent > _NOTHING * largest, tangent / (friction * press), 0.0)

@@ -76,6 +76,12 @@ class NodeForces:
     normal: FloatArray
 
 
+def press_and_friction(force: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(m,) the parts of m forces (m, 3) along unit normals (m, 3), and (m,) the magnitudes of what is across these."""
+    press = np.sum(force * normal, axis=1)
+    return press, np.linalg.norm(force - press[:, None] * normal, axis=1)
+
+
 def nodes_of(setup: Setup, motion: Replay) -> list[Node]:
     """The nodes at which the method imposes the equations of motion, up to where the replay broke down.
 

@@ -100,12 +100,9 @@ def _compiler() -> str | None:
 
 def fingerprint() -> str:
     """Text that differs whenever machine code made here could be wrong elsewhere."""
-    architecture = (
-        os.uname().machine if hasattr(os, "uname") else os.environ.get("PROCESSOR_ARCHITECTURE", "")
-    )
     functions = " ".join(function_numbers())
     return "\n".join(
-        (own_digest(), str(_compiler()), sys.platform, architecture, core.instructions(), functions)
+        (own_digest(), str(_compiler()), sys.platform, _architecture(), core.instructions(), functions)
     )
 
 
@@ -130,7 +127,12 @@ def vector_registers() -> int:
 
 def is_x86() -> bool:
     """Whether this machine's processor is of the kind x86-64."""
-    return os.uname().machine == "x86_64" if hasattr(os, "uname") else True
+    return _architecture().lower() in ("x86_64", "amd64")
+
+
+def _architecture() -> str:
+    """The system's name for the kind of processor; without the module ``platform``, which takes long to import."""
+    return os.uname().machine if hasattr(os, "uname") else os.environ.get("PROCESSOR_ARCHITECTURE", "")
 
 
 def _llvm() -> Any:

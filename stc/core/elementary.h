@@ -68,8 +68,9 @@ static inline lanes root_of(lanes x) {
 static inline lanes select_of(masks where, lanes yes, lanes no) {
 #if defined(__AVX__) && !defined(__AVX512F__)
     return (lanes)_mm256_blendv_pd((__m256d)no, (__m256d)yes, (__m256d)where);
-#endif
+#else
     return (lanes)((where & (masks)yes) | (~where & (masks)no));
+#endif
 }
 
 #define TOP ((uint64_t)1 << 63)

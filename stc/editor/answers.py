@@ -34,8 +34,10 @@ class Completion:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """The place at which a name is declared: a range of characters of the spec (``file`` is None), or a line of a file,
-    counted from 1."""
+    """The place at which a name is declared.
+
+    It is a range of characters of the spec (``file`` is None), or a line of a file, counted from 1.
+    """
 
     file: Path | None
     start: int = 0
@@ -88,9 +90,10 @@ def _next_parts(names: Mapping[str, Known], path: str) -> Iterator[Completion]:
 def hover(
     reading: Reading, names: Mapping[str, Known], offset: int, last: LastSolution
 ) -> tuple[str, int, int] | None:
-    """The description, in Markdown, of the word at a character of the text, and the range of that word; None if the
-    word
-    has no meaning in the language."""
+    """The description, in Markdown, of the word at a character of the text, and the range of that word.
+
+    None if the word has no meaning in the language.
+    """
     word, start, end = reading.word_at(offset)
     known = names.get(word) or _thing(names, word)
     if known is None:

@@ -80,9 +80,10 @@ def elaborate_with_recovery(
 def elaborator(
     tree: syntax.SpecTree, overrides: Mapping[str, float], method: str | None, diagnostics: Diagnostics
 ) -> Elaborator:
-    """The elaborator of a syntax tree. It knows the names of the spec and the values of its constants from the
-    start, and
-    makes the problem when asked to."""
+    """The elaborator of a syntax tree.
+
+    It knows the names of the spec and the values of its constants from the start, and makes the problem when asked to.
+    """
     if method is not None and method not in METHODS:
         raise UsageError(
             f"there is no method `{method}`",

@@ -14,7 +14,7 @@ need not end where constraints are nearly dependent, or the guess is far off; th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -104,9 +104,10 @@ class QuadraticProgram:
         self.form, self.point, self.tolerance = form, point, tolerance
         self._check = check
         (x_lower, x_upper), (row_lower, row_upper) = form.true_x, form.true_rows
-        self.room_x = (x_lower - point.x, x_upper - point.x)
-        self.room_rows = (row_lower - point.r, row_upper - point.r)
-        self._room = [np.concatenate(each) for each in zip(self.room_x, self.room_rows, strict=True)]
+        self._room = [
+            np.concatenate([x - point.x, rows - point.r])
+            for x, rows in ((x_lower, row_lower), (x_upper, row_upper))
+        ]
         self._equal = np.concatenate([form.held, form.equality])
         self.regularity = regularity
         self._kkt = form.attached_kkt
@@ -162,16 +163,16 @@ class QuadraticProgram:
             fixed_d: becomes the part of the step that the active bounds determine, (n,).
         """
         form, point, kkt = self.form, self.point, self._kkt
-        m = form.m
+        n, m = form.n, form.m
         self._fixed = np.maximum(form.held_factor, active.x != 0)
         self._held_rows = np.maximum(form.equality_factor, active.rows != 0)
-        target_x = self._target(active.x, form.held, self.room_x)
-        self._targets = target_rows = self._target(active.rows, form.equality, self.room_rows)
+        target = self._target(np.concatenate([active.x, active.rows]), self._equal, self._room)
+        self._targets = target[n:]
         nothing = self._nothing
         self._restricted = structure("primal_dual")(
             nlp=form.program, kkt=form.linear_system, x=nothing, y=nothing, r=nothing, gradient=point.gradient,
             jac=point.jac, hess=point.hess, lagrangian=point.gradient, active_x=self._fixed,
-            active_rows=self._held_rows, x_target=target_x, row_target=target_rows, dx=fixed_d, dy=np.empty(m),
+            active_rows=self._held_rows, x_target=target[:n], row_target=self._targets, dx=fixed_d, dy=np.empty(m),
         )  # fmt: skip
         function("conditions_restrict")(self._restricted)
         # The next set of this program starts with what was needed here.
@@ -205,7 +206,7 @@ class QuadraticProgram:
         return d, y, pull, moved
 
     @staticmethod
-    def _target(active: Signs, equal: NDArray[np.bool_], room: tuple[Floats, Floats]) -> Floats:
+    def _target(active: Signs, equal: NDArray[np.bool_], room: Sequence[Floats]) -> Floats:
         """Where the active ones have to go; 0 for the others."""
         below = (active < 0) | equal
         return np.where(below, room[0], np.where(active > 0, room[1], 0.0))

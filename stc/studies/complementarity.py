@@ -149,7 +149,7 @@ def _of_pairs(solution: Solution, transcription: Transcription, bound: BoundProg
     rows = bound.values(solution.x)[1].copy()
     spare = pairs.spare(bound, solution.x, rows)
     both = (spare <= NOTHING).all(axis=1)
-    kind, b_stationary = _stationarity(bound, transcription.layout, solution.x, rows)
+    kind, b_stationary = _stationarity(bound, transcription.layout, solution.x, rows, spare)
     ownership = Ownership(transcription, bound)
     return Complementarity(
         len(pairs),
@@ -197,17 +197,22 @@ def _of_contacts(solution: Solution, problem: Problem) -> Iterator[Complementari
 
 
 def _stationarity(
-    bound: BoundProgram, layout: Layout, x: FloatArray, rows: FloatArray
+    bound: BoundProgram, layout: Layout, x: FloatArray, rows: FloatArray, spare: FloatArray
 ) -> tuple[str, bool | None]:
-    """The kind of stationary point, and whether it is B-stationary; None if that is not known."""
+    """The kind of stationary point, and whether it is B-stationary; None if that is not known.
+
+    Args:
+        bound, layout: the program, and where its unknowns are.
+        x, rows: the point (n,) and the values of the rows there (m,).
+        spare: of the sides of its pairs, (k, 2).
+    """
     pairs: Pairs = bound.pairs
-    spare = pairs.spare(bound, x, rows)
     open_ = np.flatnonzero((spare <= NOTHING).all(axis=1))
     if not open_.size:
         return "strong", True  # the program with equations is the only choice of sides
     if bound.n > MOST_UNKNOWNS:
         return "unknown", None
-    near = _Linearised(bound, pairs, spare, x, rows, _sizes(layout, x))
+    near = _Linearised(bound, spare, x, rows, _sizes(layout, x))
     if (descent := near.descends(near.held)) is None:
         return "unknown", None
     if not descent:
@@ -257,7 +262,6 @@ class _Linearised:
     def __init__(
         self,
         bound: BoundProgram,
-        pairs: Pairs,
         spare: FloatArray,
         x: FloatArray,
         rows: FloatArray,
@@ -265,6 +269,7 @@ class _Linearised:
     ) -> None:
         from scipy.sparse import csr_array, identity, vstack
 
+        pairs: Pairs = bound.pairs
         self.pairs, self.sizes = pairs, sizes
         self.gradient, jac, _ = bound.derivatives(x, np.zeros(bound.m), 0.0)
         entries = csr_array((jac, (bound.jac_rows, bound.jac_cols)), shape=(bound.m, bound.n))

@@ -11,7 +11,7 @@ from stc.validate.certificate.advice import FRICTION_STEP
 from stc.validate.contact import missing_contacts
 from stc.validate.contact_drift import slips
 from stc.validate.contact_meter import TOUCHES, touchable, touching, welded
-from stc.validate.contact_nodes import nodes_of, pose
+from stc.validate.contact_nodes import nodes_of, pose, press_and_friction
 
 if TYPE_CHECKING:
     from stc.validate.contact_drift import Slip
@@ -78,8 +78,7 @@ def _friction(one: ContactForces) -> str:
     if one.sliding is None or one.sliding.way_without <= limits.SLID_WITHOUT_FRICTION:
         return ""
     seen, at = one.judged, one.sliding.slides & ~one.sliding.right
-    press = np.sum(seen.force * seen.normal, axis=1)
-    across = np.linalg.norm(seen.force - press[:, None] * seen.normal, axis=1)
+    press, across = press_and_friction(seen.force, seen.normal)
     known = at & (press > 0.0)
     if not known.any():
         return ""
@@ -119,12 +118,11 @@ def slip_steps(replays: Replays) -> list[str]:
 
 def _used(one: ContactForces, slip: Slip) -> float:
     """The largest share of the model's friction that the solved forces of a body use until it slips."""
-    seen = one.judged
-    press = np.sum(seen.force * seen.normal, axis=1)
-    across = np.linalg.norm(seen.force - press[:, None] * seen.normal, axis=1)
-    time = one.time
-    at = (seen.time >= time[slip.first]) & (seen.time <= time[slip.frame]) & (press * seen.friction > 0.0)
-    return float(np.max(across[at] / (press * seen.friction)[at], initial=0.0))
+    seen, time = one.judged, one.time
+    press, across = press_and_friction(seen.force, seen.normal)
+    most = press * seen.friction
+    at = (seen.time >= time[slip.first]) & (seen.time <= time[slip.frame]) & (most > 0.0)
+    return float(np.max(across[at] / most[at], initial=0.0))
 
 
 def contact_steps(replays: Replays) -> list[str]:
