@@ -73,7 +73,7 @@ FLAGS = [
 #: Products and sums are rounded as they are written, so that results are the same on all processors, but for inner
 #: loops, where they are contracted to multiply-adds.
 CONTRACTED = {
-    "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions",
+    "batch", "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions",
     "elastic", "gather", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "points",
     "segmented_parts", "segmented_passes", "step", "values", "window",
 }  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,9 @@ from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.kkt.segments import Numbered, Segmentation, find_segments, number_stages
 from stc.solver.nlp import Ints
+
+if TYPE_CHECKING:
+    from stc.solver.kkt.batched import BatchedKKT
 
 __all__ = ["new_system", "suits_chain"]
 
@@ -63,7 +68,7 @@ def new_system(
     row_stage: Ints,
     held: NDArray[np.bool_],
     equations: NDArray[np.bool_],
-) -> PlannedKKT | MultifrontalKKT:
+) -> BatchedKKT | PlannedKKT | MultifrontalKKT:
     """The linear algebra for a sparsity that takes the least time; arguments as for ``StructuredKKT``."""
     pattern = n, m, jac_rows, jac_cols, hess_rows, hess_cols
     couplings = Couplings.of(*pattern)
@@ -85,7 +90,7 @@ def new_system(
             if dense:
                 found = find_segments(numbered)
         if found is not None:
-            from stc.solver.kkt.segmented import SegmentedKKT
+            from stc.solver.kkt.batched import BatchedKKT
 
-            return SegmentedKKT(couplings, stage, found)
+            return BatchedKKT(couplings, stage, found)
     return MultifrontalKKT(*pattern, var_stage, row_stage)

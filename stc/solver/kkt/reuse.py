@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.calls import Bound
+from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.choice import new_system
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies
@@ -31,7 +32,7 @@ KEPT_BYTES = 128 * 2**20
 LARGEST = 200_000
 
 _lock = threading.RLock()  # the garbage collector may give one back while another is looked up
-_kept: OrderedDict[bytes, PlannedKKT | MultifrontalKKT] = OrderedDict()
+_kept: OrderedDict[bytes, BatchedKKT | PlannedKKT | MultifrontalKKT] = OrderedDict()
 
 
 class StructuredKKT(ByCopies):
@@ -203,7 +204,7 @@ def forget() -> None:
         _kept.clear()
 
 
-def _keep(key: bytes, system: PlannedKKT | MultifrontalKKT) -> None:
+def _keep(key: bytes, system: BatchedKKT | PlannedKKT | MultifrontalKKT) -> None:
     """Keep a factorisation that has served, and give up the oldest ones beyond the limits."""
     with _lock:
         _kept[key] = system

@@ -8,9 +8,9 @@ import numpy as np
 from solver.kkt.kkt_problems import Builder, Pattern
 
 from stc.solver.kkt import chain, folding, segments
+from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.chain import ChainKKT
 from stc.solver.kkt.couplings import Couplings
-from stc.solver.kkt.segmented import SegmentedKKT
 from stc.solver.kkt.segments import Segmentation, find_segments, number_stages
 
 
@@ -56,10 +56,10 @@ def parts(pattern: Pattern, *, shared: bool = False) -> tuple[Couplings, np.ndar
         return couplings, stage, None if numbered is None else find_segments(numbered)
 
 
-def system_of(pattern: Pattern, *, shared: bool = False) -> SegmentedKKT:
+def system_of(pattern: Pattern, *, shared: bool = False) -> BatchedKKT:
     couplings, stage, found = parts(pattern, shared=shared)
     assert found is not None
-    return SegmentedKKT(couplings, stage, found)
+    return BatchedKKT(couplings, stage, found)
 
 
 def chain_of(

@@ -82,7 +82,7 @@ def test_attempts_refuse_what_is_not_finite(system):
             assert kkt.factorizations > 9
 
 
-@pytest.mark.parametrize("system", SYSTEMS[:2])
+@pytest.mark.parametrize("system", SYSTEMS[1:2])
 def test_the_first_matrix_after_a_restart_is_attempted(system, monkeypatch):
     """With the plan that suited the first one before, and a scale of its own."""
     rng = np.random.default_rng(23)
@@ -118,7 +118,7 @@ def test_the_first_matrix_after_a_restart_is_attempted(system, monkeypatch):
     assert kkt.refactor() == judge.factorize(*values.arguments())
 
 
-@pytest.mark.parametrize("system", SYSTEMS[:2])
+@pytest.mark.parametrize("system", SYSTEMS[1:2])
 def test_an_attempt_made_ready_before_another_factorisation_asks_for_a_new_one(system):
     """That one may have left another plan to go on with, and one that no solve has been bound for."""
     kkt, _, _, call = settled(system, np.random.default_rng(24))
@@ -144,7 +144,8 @@ def test_solves_follow_a_factorisation_that_had_to_be_repeated(system, monkeypat
         values.jac *= rng.uniform(0.9, 1.1, values.jac.size)
         assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
         with monkeypatch.context() as patched:
-            patched.setattr("stc.solver.kkt.multifrontal.DOUBTFUL", -1.0)
+            for module in ("multifrontal", "batched"):
+                patched.setattr(f"stc.solver.kkt.{module}.DOUBTFUL", -1.0)
             kkt.rhs[:] = rng.normal(size=kkt.rhs.size)
             kkt.solve_call()
             assert kkt.check_solution()
