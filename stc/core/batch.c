@@ -61,7 +61,7 @@ void batch_free(batch *b) {
         arena_free(&w->fronts[1]);
         arena_free(&w->panel);
         arena_free(&w->corner);
-        free(w->panels); free(w->rows); free(w->index); free(w->place); free(w->from); free(w->bits); free(w->waiting);
+        free(w->panels); free(w->rows); free(w->index); free(w->place); free(w->fresh); free(w->row); free(w->offset); free(w->waiting);
         if (k) free(w->result);
         free(w->sum[0]); free(w->sum[1]); free(w->most);
     }

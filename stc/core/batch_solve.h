@@ -5,87 +5,94 @@
 #include "batch_front.h"
 #include "batch_state.h"
 
-/* x = L^-1 x of a group, its ends included; the same for y. */
-ALWAYS_INLINE void batch_forward_group(int both, int64_t distance, const batch_work *w, const batch_group *g, double *restrict x, double *restrict y) {
-    double pivot[8 * BATCH_PANEL], other[8 * BATCH_PANEL];
-    for (int64_t at = g->first; at < g->first + g->panels; at++) {
-        const batch_panel *p = w->panels + at;
-        const batch_row *row = w->rows + p->row_at;
-        const double *l = w->factors.at + AT8(p->factor_at + p->count + __builtin_popcount(p->pairs));
-        for (int32_t r = 0; r < p->rows; r++, row++) {
-            int64_t to = AT8(row->position);
-            vec8 a = load8(x, to), b = both ? load8(y, to) : a;
-            for (uint32_t bits = row->mask; bits; bits &= bits - 1, l += 8) {
-                int64_t k = AT8(__builtin_ctz(bits));
-                vec8 factor = load8(l, 0);
-                if (distance) prefetch8(l, distance);
-                a = sub_product8(a, factor, load8(pivot, k));
-                if (both) b = sub_product8(b, factor, load8(other, k));
-            }
-            store8(x, to, a);
-            if (both) store8(y, to, b);
-            if (r < p->count) {
-                store8(pivot, AT8(r), a);
-                if (both) store8(other, AT8(r), b);
-            }
+/* Columns of L that are gone through at once: as many as there are registers for, with one right-hand side and with two. */
+#define BATCH_CHUNK 4
+
+/* Less so many columns of L times the unknowns of their pivots, or those less what the rows have. */
+ALWAYS_INLINE void batch_chunk(int count, int back, int64_t distance, int32_t rows, const int32_t *position, const double *l,
+                               double *restrict x, double *restrict pivot) {
+    vec8 own[BATCH_CHUNK];
+    int64_t step = AT8(rows);
+#pragma GCC unroll 8
+    for (int p = 0; p < count; p++) own[p] = load8(pivot, AT8(p));
+    for (int32_t r = 0; r < rows; r++, l += 8) {
+        int64_t to = AT8(position[r]);
+        vec8 a = load8(x, to);
+#pragma GCC unroll 8
+        for (int p = 0; p < count; p++) {
+            vec8 factor = load8(l, p * step);
+            if (distance) prefetch8(l, p * step + distance);
+            if (back) own[p] = sub_product8(own[p], factor, a);
+            else a = sub_product8(a, factor, own[p]);
         }
+        if (!back) store8(x, to, a);
+    }
+    if (back) {
+#pragma GCC unroll 8
+        for (int p = 0; p < count; p++) store8(pivot, AT8(p), own[p]);
     }
 }
 
-ALWAYS_INLINE void batch_divide(const batch_panel *p, const batch_row *rows, const double *inverse, const double *x,
-                                double *restrict pivot) {
-    for (int32_t k = 0; k < p->count; k++) {
-        vec8 a = load8(x, AT8(rows[k].position)), over = load8(inverse, 0);
+ALWAYS_INLINE void batch_chunks(int back, int64_t distance, int32_t count, int32_t rows, const int32_t *position, const double *l,
+                                double *restrict x, double *restrict pivot) {
+    for (; count >= 4; count -= 4, l += 4 * AT8(rows), pivot += 32) batch_chunk(4, back, distance, rows, position, l, x, pivot);
+    if (count == 3) batch_chunk(3, back, distance, rows, position, l, x, pivot);
+    else if (count == 2) batch_chunk(2, back, distance, rows, position, l, x, pivot);
+    else if (count == 1) batch_chunk(1, back, distance, rows, position, l, x, pivot);
+}
+
+/* x = L^-1 x of a panel, or L^-T D^-1 x. */
+ALWAYS_INLINE void batch_forward_panel(int64_t distance, const batch_work *w, const batch_panel *p, double *restrict x) {
+    double pivot[8 * BATCH_PANEL];
+    const int32_t *position = w->rows + p->row_at;
+    const double *l = w->factors.at + AT8(p->factor_at + p->count + count_bits(p->pairs));
+    for (int32_t q = 0; q < p->count; q++) {
+        vec8 a = load8(x, AT8(position[q]));
+        for (int32_t k = 0; k < q; k++, l += 8) a = sub_product8(a, load8(l, 0), load8(pivot, AT8(k)));
+        store8(pivot, AT8(q), a);
+        store8(x, AT8(position[q]), a);
+    }
+    batch_chunks(0, distance, p->count, p->rows, position + p->count, l, x, pivot);
+}
+
+ALWAYS_INLINE void batch_backward_panel(int64_t distance, const batch_work *w, const batch_panel *p, double *restrict x) {
+    double pivot[8 * BATCH_PANEL];
+    const int32_t *position = w->rows + p->row_at;
+    const double *inverse = w->factors.at + AT8(p->factor_at);
+    for (int32_t k = 0; k < p->count; k++, inverse += 8) {
+        vec8 a = load8(x, AT8(position[k])), over = load8(inverse, 0);
         if (p->pairs >> k & 1) {
-            vec8 b = load8(x, AT8(rows[k + 1].position)), between = load8(inverse, 8);
+            vec8 b = load8(x, AT8(position[k + 1])), between = load8(inverse, 8);
             store8(pivot, AT8(k), add_product8(mul8(a, over), b, between));
             store8(pivot, AT8(k + 1), add_product8(mul8(a, between), b, load8(inverse, 16)));
             k++;
-            inverse += 24;
+            inverse += 16;
         } else {
             store8(pivot, AT8(k), mul8(a, over));
-            inverse += 8;
         }
+    }
+    const double *l = inverse + AT8(p->count * (p->count - 1) / 2);
+    batch_chunks(1, -distance, p->count, p->rows, position + p->count, l, x, pivot);
+    for (int32_t q = p->count - 1; q >= 0; q--) {
+        vec8 a = load8(pivot, AT8(q));
+        store8(x, AT8(position[q]), a);
+        l -= AT8(q);
+        for (int32_t k = 0; k < q; k++) store8(pivot, AT8(k), sub_product8(load8(pivot, AT8(k)), load8(l, AT8(k)), a));
     }
 }
 
-/* x = L^-T D^-1 x. */
-ALWAYS_INLINE void batch_backward_group(int both, int64_t distance, const batch_work *w, const batch_group *g, double *restrict x, double *restrict y) {
-    double pivot[8 * BATCH_PANEL], other[8 * BATCH_PANEL];
+/* Both right-hand sides, panel by panel, so that factors are near for the second one. */
+static void batch_forward_group(int64_t distance, const batch_work *w, const batch_group *g, double *x, double *y) {
+    for (int64_t at = g->first; at < g->first + g->panels; at++) {
+        batch_forward_panel(distance, w, w->panels + at, x);
+        if (y) batch_forward_panel(0, w, w->panels + at, y);
+    }
+}
+
+static void batch_backward_group(int64_t distance, const batch_work *w, const batch_group *g, double *x, double *y) {
     for (int64_t at = g->first + g->panels - 1; at >= g->first; at--) {
-        const batch_panel *p = w->panels + at;
-        const batch_row *rows = w->rows + p->row_at;
-        const double *inverse = w->factors.at + AT8(p->factor_at);
-        int64_t end = at + 1 < w->panel_count ? p[1].factor_at : w->factor_count;
-        const double *l = w->factors.at + AT8(end);
-        batch_divide(p, rows, inverse, x, pivot);
-        if (both) batch_divide(p, rows, inverse, y, other);
-        for (int32_t r = p->rows - 1; r >= 0; r--) {
-            int64_t to = AT8(rows[r].position);
-            vec8 a, b;
-            if (r < p->count) {
-                a = load8(pivot, AT8(r));
-                store8(x, to, a);
-                b = a;
-                if (both) {
-                    b = load8(other, AT8(r));
-                    store8(y, to, b);
-                }
-            } else {
-                a = load8(x, to);
-                b = both ? load8(y, to) : a;
-            }
-            uint32_t mask = rows[r].mask;
-            l -= AT8(__builtin_popcount(mask));
-            const double *factors = l;
-            for (uint32_t bits = mask; bits; bits &= bits - 1, factors += 8) {
-                int64_t k = AT8(__builtin_ctz(bits));
-                vec8 factor = load8(factors, 0);
-                if (distance) prefetch8(factors, -distance);
-                store8(pivot, k, sub_product8(load8(pivot, k), factor, a));
-                if (both) store8(other, k, sub_product8(load8(other, k), factor, b));
-            }
-        }
+        batch_backward_panel(distance, w, w->panels + at, x);
+        if (y) batch_backward_panel(0, w, w->panels + at, y);
     }
 }
 
@@ -183,8 +190,7 @@ void batch_forward(const batch *b, batch_work *w) {
             }
             for (int32_t k = own; k < own + g->shape->ends; k++) store8(x, AT8(k), splat8(0.0));
         }
-        if (s->both) batch_forward_group(1, s->distance, w, g, batch_target(s, 0) + g->at, batch_target(s, 1) + g->at);
-        else batch_forward_group(0, s->distance, w, g, batch_target(s, 0) + g->at, NULL);
+        batch_forward_group(s->distance, w, g, batch_target(s, 0) + g->at, s->both ? batch_target(s, 1) + g->at : NULL);
         for (int which = 0; which <= s->both; which++) batch_add_ends(g, batch_target(s, which), w->sum[which]);
     }
 }
@@ -204,8 +210,7 @@ void batch_backward(const batch *b, batch_work *w) {
         batch_group *g = s->groups + at;
         int64_t all = g->shape->own + g->shape->ends;
         for (int which = 0; which <= s->both; which++) batch_take_ends(g, rest[which], batch_target(s, which));
-        if (s->both) batch_backward_group(1, s->distance, w, g, batch_target(s, 0) + g->at, batch_target(s, 1) + g->at);
-        else batch_backward_group(0, s->distance, w, g, batch_target(s, 0) + g->at, NULL);
+        batch_backward_group(s->distance, w, g, batch_target(s, 0) + g->at, s->both ? batch_target(s, 1) + g->at : NULL);
         if (s->steps > 0)
             for (int which = 0; which <= s->both; which++) {
                 if (!s->unknowns[which].active) continue;

@@ -16,17 +16,11 @@ typedef struct {
     uint8_t *weak;  /* unknowns that have been delayed, being no pivots in their fronts */
 } batch_shape;
 
-/* A row of the factors of a panel: for each pivot of the mask a vector. */
-typedef struct {
-    int32_t position;
-    uint32_t mask;
-} batch_row;
-
 /* Pivots that were taken together: D^-1 begins at `factor_at`, a vector for each pivot of one and three for those of
- * two, then the rows. */
+ * two, then L: the rows of the pivots, each up to its pivot, and the columns of the other rows. */
 typedef struct {
-    int64_t factor_at, row_at;
-    int32_t count, rows; /* pivots are the first ones of the rows */
+    int64_t factor_at, row_at;  /* positions: of the pivots, then of the rows */
+    int32_t count, rows;
     uint32_t pairs;
 } batch_panel;
 
@@ -52,9 +46,9 @@ typedef struct {
     int32_t first, end;     /* groups */
     arena factors, fronts[2], panel, corner;
     batch_panel *panels;
-    batch_row *rows;
-    int32_t *index, *place, *from;
-    uint32_t *bits;
+    int32_t *rows;
+    int32_t *index, *place, *fresh, *row;
+    int64_t *offset;
     batch_left *waiting;
     int64_t panel_count, panel_room, row_count, row_room, factor_count, index_room;
     int32_t place_room;

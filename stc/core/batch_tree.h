@@ -21,40 +21,73 @@ static int batch_grow(void **array, int64_t *room, int64_t needed, size_t size) 
     return 0;
 }
 
-/* Keep the factors of a panel of pivots, which are the unknowns from `begin` on; `streamed`: past the caches. */
-static int batch_keep(batch_work *w, const batch_front *f, int32_t begin, int32_t count, int streamed) {
-    int64_t stride = AT8(f->stride), vectors = 3 * count;
-    int32_t rows = 0;
-    for (int32_t i = begin; i < f->stride; i++) {
-        uint32_t mask = f->l_of[i];
-        if (i < begin + count || mask) rows++;
-        vectors += count_bits(mask);
+/* Keep the factors of a panel of pivots, which are the unknowns from `begin` on, and subtract what they leave; `streamed`:
+ * past the caches. */
+static int batch_keep(batch_work *w, batch_front *f, int32_t begin, int32_t count, int streamed) {
+    int32_t end = begin + count, packed = 0;
+    int64_t stride = AT8(f->stride), own = count + count_bits(f->pairs) + count * (count - 1) / 2;
+    f->count = 0;
+    for (int32_t i = end; i < f->stride; i++) {
+        if (i == f->inner) f->count = packed;
+        vec8 found = abs8(load8(f->w, AT8(i)));
+        for (int32_t p = 1; p < count; p++) found = either8(found, load8(f->w, p * stride + AT8(i)));
+        f->row[packed] = i;
+        packed += any8(found);
     }
+    if (f->stride == f->inner) f->count = packed;
+    f->packed = packed;
     if (batch_grow((void **)&w->panels, &w->panel_room, w->panel_count + 1, sizeof(batch_panel))
-        || batch_grow((void **)&w->rows, &w->row_room, w->row_count + rows, sizeof(batch_row))
-        || arena_reserve(&w->factors, AT8(w->factor_count + vectors), AT8(w->factor_count)))
+        || batch_grow((void **)&w->rows, &w->row_room, w->row_count + count + packed, sizeof(int32_t))
+        || arena_reserve(&w->factors, AT8(w->factor_count + own + count * packed), AT8(w->factor_count)))
         return -1;
-    w->panels[w->panel_count++] = (batch_panel){w->factor_count, w->row_count, count, rows, f->pairs};
-    double *to = w->factors.at + AT8(w->factor_count), *begun = to;
+    w->panels[w->panel_count++] = (batch_panel){w->factor_count, w->row_count, count, packed, f->pairs};
+    int32_t *row = w->rows + w->row_count;
+    for (int32_t k = 0; k < count; k++) *row++ = f->index[begin + k];
+    for (int32_t k = 0; k < packed; k++) *row++ = f->index[f->row[k]];
+    w->row_count += count + packed;
+    double *to = w->factors.at + AT8(w->factor_count);
+    w->factor_count += own + count * packed;
+    w->operations += 8 * (int64_t)(packed * (packed + 1) / 2 + packed) * count;
     for (int32_t p = 0; p < count; p++) {
         int pair = f->pairs >> p & 1;
         for (int k = 0; k < (pair ? 3 : 1); k++, to += 8) store8(to, 0, load8(f->inverse, AT8(3 * p + k)));
         p += pair;
     }
-    batch_row *row = w->rows + w->row_count;
-    for (int32_t i = begin; i < f->stride; i++) {
-        uint32_t mask = f->l_of[i];
-        if (i >= begin + count && !mask) continue;
-        *row++ = (batch_row){f->index[i], mask};
-        for (uint32_t bits = mask; bits; bits &= bits - 1, to += 8) {
-            vec8 value = load8(f->l, stride * __builtin_ctz(bits) + AT8(i));
-            if (streamed) stream8(to, 0, value);
-            else store8(to, 0, value);
+    vec8 one, other = splat8(0.0);
+    for (int32_t q = 1; q < count; q++)
+        for (int32_t p = 0; p < q; p++, to += 8) {
+            if (f->pairs >> p & 1 && q == p + 1) {
+                store8(to, 0, splat8(0.0));
+                continue;
+            }
+            int pair = batch_divide_row(f, p, stride, begin + q, &one, &other);
+            store8(to, 0, one);
+            if (pair) {
+                to += 8;
+                p++;
+                store8(to, 0, other);
+            }
+        }
+    for (int32_t p = 0; p < count; p++)
+        for (int32_t r = 0; r < packed; r++) store8(f->w, AT8(p * packed + r), load8(f->w, p * stride + AT8(f->row[r])));
+    double *l = streamed ? f->l : to;
+    int64_t step = AT8(packed);
+    for (int32_t p = 0; p < count; p++) {
+        if (f->pairs >> p & 1) {
+            for (int32_t r = 0; r < packed; r++) {
+                batch_divide_row(f, p, step, r, &one, &other);
+                store8(l, p * step + AT8(r), one);
+                store8(l, (p + 1) * step + AT8(r), other);
+            }
+            p++;
+        } else {
+            vec8 inverse = load8(f->inverse, AT8(3 * p));
+            for (int32_t r = 0; r < packed; r++) store8(l, p * step + AT8(r), mul8(load8(f->w, p * step + AT8(r)), inverse));
         }
     }
-    w->row_count += rows;
-    w->factor_count += (to - begun) / 8;
-    w->operations += 8 * ((to - begun) / 8);
+    batch_subtract(f, l, count, w->offset);
+    if (streamed)
+        for (int64_t k = 0; k < count * packed; k++) stream8(to, AT8(k), load8(l, AT8(k)));
     return 0;
 }
 
@@ -63,10 +96,7 @@ static int batch_eliminate(batch_work *w, batch_front *f, int root, int streamed
     int32_t limit = f->summed, before = 0;
     while (f->eliminated < f->summed) {
         int32_t begin = f->eliminated, count = batch_take_panel(f, &limit);
-        if (count) {
-            if (batch_keep(w, f, begin, count, streamed)) return -1;
-            batch_subtract(f, f->eliminated);
-        }
+        if (count && batch_keep(w, f, begin, count, streamed)) return -1;
         if (f->eliminated < limit) continue;
         if (f->eliminated == before) {
             if (!root || f->threshold == BATCH_LOWEST_THRESHOLD) return 0;
@@ -83,60 +113,62 @@ static inline int32_t batch_place(int32_t local, int32_t planned, int32_t delaye
     return local < planned ? delayed + local : inner + local - planned;
 }
 
-/* The columns of a front from those of its first child: what that has left is copied, all else is zero. */
-static void batch_begin(const batch_front *f, const double *child, int32_t stride, const int32_t *from) {
-    for (int32_t j = 0; j < f->inner; j++) {
-        double *to = f->at + j * AT8(f->stride);
-        const double *column = from[j] < 0 ? NULL : child + from[j] * AT8(stride);
-        for (int32_t i = j; i < f->stride; i++)
-            store8(to, AT8(i), column && from[i] >= 0 ? load8(column, AT8(from[i])) : splat8(0.0));
+/* The columns of a front from those of its first child: what that has left is copied, all else is zero.  `place`: where the
+ * rows of the child are; `fresh`: rows of the front where it has none. */
+static void batch_begin(const batch_front *f, const double *child, const batch_left *c, const int32_t *place, const int32_t *fresh,
+                        int32_t count) {
+    int64_t stride = AT8(f->stride);
+    for (int32_t k = 0; k < count && fresh[k] < f->inner; k++) {
+        double *to = f->at + fresh[k] * stride;
+        for (int32_t i = fresh[k]; i < f->stride; i++) store8(to, AT8(i), splat8(0.0));
+    }
+    for (int32_t j = c->from, first = 0; j < c->inner; j++) {
+        double *to = f->at + place[j] * stride;
+        const double *column = child + j * AT8(c->stride);
+        for (int32_t i = j; i < c->stride; i++) store8(to, AT8(place[i]), load8(column, AT8(i)));
+        while (first < count && fresh[first] < place[j]) first++;
+        for (int32_t k = first; k < count; k++) store8(to, AT8(fresh[k]), splat8(0.0));
     }
 }
 
 /* Add what another child has left. */
 static void batch_add(const batch_front *f, const double *child, const batch_left *c, const int32_t *place) {
     for (int32_t j = c->from; j < c->inner; j++) {
-        if (place[j] < 0) continue;
         double *to = f->at + place[j] * AT8(f->stride);
         const double *column = child + j * AT8(c->stride);
-        for (int32_t i = j; i < c->stride; i++)
-            if (place[i] >= 0) store8(to, AT8(place[i]), add8(load8(to, AT8(place[i])), load8(column, AT8(i))));
+        for (int32_t i = j; i < c->stride; i++) store8(to, AT8(place[i]), add8(load8(to, AT8(place[i])), load8(column, AT8(i))));
     }
 }
 
 static int batch_reserve(batch_work *w, batch_front *f, int64_t used, int parity, int64_t index_used) {
     int32_t stride = f->stride;
     if (arena_reserve(&w->fronts[parity], used + AT8(stride) * f->inner, used)) return -1;
-    if (arena_reserve(&w->panel, AT8(stride) * (2 * BATCH_PANEL + 2) + AT8(3 * BATCH_PANEL), 0)) return -1;
+    if (arena_reserve(&w->panel, AT8(stride) * 2 * BATCH_PANEL + AT8(3 * BATCH_PANEL), 0)) return -1;
     if (batch_grow((void **)&w->index, &w->index_room, index_used + stride, sizeof(int32_t))) return -1;
     if (stride > w->place_room) {
         int32_t room = 2 * stride;
-        free(w->place); free(w->from); free(w->bits);
+        free(w->place); free(w->fresh); free(w->row); free(w->offset);
         w->place = malloc(sizeof(int32_t) * (size_t)room);
-        w->from = malloc(sizeof(int32_t) * (size_t)room);
-        w->bits = malloc(2 * sizeof(uint32_t) * (size_t)room);
+        w->fresh = malloc(sizeof(int32_t) * (size_t)room);
+        w->row = malloc(sizeof(int32_t) * (size_t)room);
+        w->offset = malloc(sizeof(int64_t) * (size_t)room);
         w->place_room = room;
-        if (!w->place || !w->from || !w->bits) { w->place_room = 0; return -1; }
+        if (!w->place || !w->fresh || !w->row || !w->offset) { w->place_room = 0; return -1; }
     }
     f->at = w->fronts[parity].at + used;
     f->index = w->index + index_used;
-    f->l = w->panel.at;
-    f->w = f->l + AT8(stride) * BATCH_PANEL;
-    f->column = f->w + AT8(stride) * BATCH_PANEL;
-    f->partner = f->column + AT8(stride);
-    f->inverse = f->partner + AT8(stride);
-    f->l_of = w->bits;
-    f->w_of = w->bits + w->place_room;
+    f->w = w->panel.at;
+    f->l = f->w + AT8(stride) * BATCH_PANEL;
+    f->inverse = f->l + AT8(stride) * BATCH_PANEL;
+    f->row = w->row;
     return 0;
 }
 
-/* Where a child's rows are in the front, from -1 on padding; `put` counts those that it has delayed. */
+/* Where a child's rows are in the front; `put` counts those that it has delayed. */
 static void batch_find_places(const batch_work *w, const batch_shape *s, const batch_front *f, const batch_left *c, int32_t delayed,
                               int32_t planned, int32_t *put) {
     const int32_t *index = w->index + c->index_at, *local = s->plan->local + s->plan->row_start[c->front];
     for (int32_t i = c->from; i < c->stride; i++) {
-        w->place[i] = -1;
-        if (index[i] < 0) continue;
         if (i < c->summed) {
             f->index[*put] = index[i];
             w->place[i] = (*put)++;
@@ -165,26 +197,29 @@ void batch_eliminate_group(const batch *b, batch_work *w, batch_group *g) {
             delayed += left->summed - left->from;
         }
         f.summed = delayed + own;
-        f.inner = (f.summed + inner + 1) & ~1;
-        f.stride = f.inner + ((ends + 1) & ~1);
+        f.inner = f.summed + inner;
+        f.stride = f.inner + ends;
         f.eliminated = 0;
         f.threshold = 1e-4;
         if (batch_reserve(w, &f, used[parity], parity, index_used)) { w->no_memory = 1; return; }
-        for (int32_t k = 0; k < f.stride; k++) f.index[k] = -1;
         for (int32_t k = 0; k < own; k++) f.index[delayed + k] = first + k;
         for (int32_t k = 0; k < inner; k++) f.index[f.summed + k] = rows[k];
         for (int32_t k = 0; k < ends; k++) f.index[f.inner + k] = rows[inner + k];
-        for (int32_t k = 0; k < f.stride; k++) w->from[k] = -1;
-        int32_t put = 0;
-        if (!p->children[at]) batch_begin(&f, NULL, 0, w->from);
+        int32_t put = 0, fresh = 0;
+        if (!p->children[at]) {
+            for (int32_t k = 0; k < f.inner; k++) w->fresh[k] = k;
+            const batch_left none = {0};
+            batch_begin(&f, NULL, &none, NULL, w->fresh, f.inner);
+        }
         for (int32_t c = 0; c < p->children[at]; c++) {
             const batch_left *left = &w->waiting[--waiting];
             const double *child = w->fronts[!parity].at + left->at;
             batch_find_places(w, s, &f, left, delayed, planned, &put);
             if (c == 0) {
-                for (int32_t i = left->from; i < left->stride; i++)
-                    if (w->place[i] >= 0) w->from[w->place[i]] = i;
-                batch_begin(&f, child, left->stride, w->from);
+                for (int32_t i = left->from, k = 0; k < f.stride; k++)
+                    if (i < left->stride && w->place[i] == k) i++;
+                    else w->fresh[fresh++] = k;
+                batch_begin(&f, child, left, w->place, w->fresh, fresh);
             } else {
                 batch_add(&f, child, left, w->place);
             }
