@@ -11,7 +11,7 @@
 
 /* Pivots that are taken before what they leave is subtracted from all columns together: so few that packed rows stay in
  * the first cache. */
-#define BATCH_PANEL 8
+#define BATCH_PANEL 5
 /* A pivot of two needs a determinant of at least this share of its larger product. */
 #define BATCH_CANCELLATION 1e-3
 /* Pivots no larger than this are none: see NOTHING in front.h. */
