@@ -309,7 +309,7 @@ static void batch_load(const batch *b, batch_state *s, batch_work *w, batch_grou
         store8(most, AT8(k), abs8(value));
         check = add8(check, scaled8(0.0, value));
     }
-    vec8 high = splat8(1.0), low = splat8(1.0);
+    vec8 high = splat8(1.0), low = splat8(-1.0);
     for (int64_t k = 0; k < own; k++) {
         vec8 factor = load8(scale, AT8(k)), largest = load8(most, AT8(k));
         for (int64_t end = p->entry_start[k + 1]; e < end; e++) {
@@ -327,9 +327,10 @@ static void batch_load(const batch *b, batch_state *s, batch_work *w, batch_grou
             masks none = largest.part[part] == splatw(0.0);
             largest.part[part] = (lanes)((masks)largest.part[part] | (none & (masks)splatw(1.0)));
         }
-        low = max8(div8(splat8(1.0), largest), low);
+        low = max8(neg8(largest), low);
     }
-    double spread = largest8(max8(high, low));
+    double spread = largest8(high), least = -largest8(low);
+    if (spread * least < 1.0) spread = 1.0 / least;
     batch_raise(&w->spread, spread);
     w->check += sum8(check);
     batch_raise_ends(g, s->most, w->most);

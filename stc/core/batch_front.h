@@ -14,6 +14,8 @@
 #define BATCH_PANEL 5
 /* A pivot of two needs a determinant of at least this share of its larger product. */
 #define BATCH_CANCELLATION 1e-3
+/* An entry of at least this share of the largest of its column is a good partner. */
+#define BATCH_GOOD_PARTNER 0.01
 /* Pivots no larger than this are none: see NOTHING in front.h. */
 #define BATCH_NOTHING 3e-14
 /* Rows and columns of a tile of products that is held in registers. */
@@ -36,7 +38,7 @@ typedef struct {
     int32_t *index;     /* position of each row */
     double *corner;     /* the columns of all ends, */
     int32_t corner_stride, own; /* which are the positions from own on */
-    double *w;          /* columns of L D of a panel; after it has been packed, only of its rows */
+    double *w;          /* columns of L D of a panel */
     double *l;          /* room for those of L */
     double *inverse;    /* D^-1 of a panel, three vectors for each pivot */
     uint32_t pairs;     /* pivots of the panel that are the first of two */
@@ -84,23 +86,26 @@ ALWAYS_INLINE vec8 either8(vec8 a, vec8 b) {
 
 ALWAYS_INLINE double smallest8(vec8 v) { return -largest8(neg8(v)); }
 
-/* Rows by columns of packed rows: less the products of `count` pivots, which are `step` numbers apart. */
-ALWAYS_INLINE void batch_tile(int rows, int columns, int32_t count, const double *restrict l, const double *restrict w, int64_t step,
-                              double *const *column, const int64_t *row) {
+/* Rows by columns: less the products of `count` pivots.  Those of L are packed, `step` numbers apart. */
+ALWAYS_INLINE void batch_tile(int rows, int columns, const batch_front *f, int32_t count, const double *restrict l, int64_t step,
+                              const int32_t *own_row, double *const *column, const int64_t *row) {
+    int64_t stride = AT8(f->stride), place[BATCH_COLUMNS];
+#pragma GCC unroll 8
+    for (int j = 0; j < columns; j++) place[j] = AT8(own_row[j]);
     for (int part = 0; part < 8; part += LANES) {
         lanes sum[BATCH_ROWS][BATCH_COLUMNS];
-        const double *from = l + part, *of = w + part;
+        const double *from = l + part, *of = f->w + part;
 #pragma GCC unroll 8
         for (int j = 0; j < columns; j++)
 #pragma GCC unroll 8
             for (int i = 0; i < rows; i++) sum[i][j] = loadw(column[j], row[i] + part);
-        for (int32_t p = 0; p < count; p++, from += step, of += step) {
+        for (int32_t p = 0; p < count; p++, from += step, of += stride) {
             lanes own[BATCH_ROWS];
 #pragma GCC unroll 8
             for (int i = 0; i < rows; i++) own[i] = loadw(from, 8 * i);
 #pragma GCC unroll 8
             for (int j = 0; j < columns; j++) {
-                lanes factor = loadw(of, 8 * j);
+                lanes factor = loadw(of, place[j]);
 #pragma GCC unroll 8
                 for (int i = 0; i < rows; i++) sum[i][j] -= own[i] * factor;
             }
@@ -116,16 +121,16 @@ ALWAYS_INLINE void batch_tile(int rows, int columns, int32_t count, const double
 ALWAYS_INLINE void batch_tiles(int columns, const batch_front *f, const double *l, int32_t count, int32_t j, double *const *column,
                                const int64_t *row) {
     int64_t step = AT8(f->packed);
-    const double *w = f->w + AT8(j);
+    const int32_t *own = f->row + j;
     int32_t i = j;
     for (; i + BATCH_ROWS <= f->packed; i += BATCH_ROWS)
-        batch_tile(BATCH_ROWS, columns, count, l + AT8(i), w, step, column, row + i);
+        batch_tile(BATCH_ROWS, columns, f, count, l + AT8(i), step, own, column, row + i);
 #if BATCH_ROWS > 3
-    if (f->packed - i == 3) batch_tile(3, columns, count, l + AT8(i), w, step, column, row + i);
+    if (f->packed - i == 3) batch_tile(3, columns, f, count, l + AT8(i), step, own, column, row + i);
     else
 #endif
-    if (f->packed - i == 2) batch_tile(2, columns, count, l + AT8(i), w, step, column, row + i);
-    else if (f->packed - i == 1) batch_tile(1, columns, count, l + AT8(i), w, step, column, row + i);
+    if (f->packed - i == 2) batch_tile(2, columns, f, count, l + AT8(i), step, own, column, row + i);
+    else if (f->packed - i == 1) batch_tile(1, columns, f, count, l + AT8(i), step, own, column, row + i);
 }
 
 /* Subtract L D L^T of a packed panel of so many pivots; `place`: room for where the rows are. */
@@ -279,6 +284,12 @@ static int32_t batch_partner(const batch_front *f, int32_t k, const double *colu
     return found;
 }
 
+/* Whether the unknown after k, which most are paired with as planned, is to be tried first. */
+static int batch_next_suits(const batch_front *f, int32_t k, const double *column, vec8 beside) {
+    return k + 1 < f->summed && all_at_least8(abs8(load8(column, AT8(k + 1))), scaled8(BATCH_GOOD_PARTNER, beside))
+           && any8(beside);
+}
+
 /* Whether unknowns k and r are good pivots together; `column` and `partner` are theirs. */
 static int batch_are_pair(const batch_front *f, int32_t k, int32_t r, const double *column, const double *partner) {
     vec8 d = load8(column, AT8(k)), b = load8(column, AT8(r)), c = load8(partner, AT8(r));
@@ -313,7 +324,7 @@ static int32_t batch_take_panel(batch_front *f, int32_t *limit) {
             batch_take_one(f, k, count);
             continue;
         }
-        int32_t r = batch_partner(f, k, column);
+        int32_t r = batch_next_suits(f, k, column, beside) ? k + 1 : batch_partner(f, k, column);
         if (r >= 0) {
             batch_bring(f, k, r, count, partner);
             if (batch_are_pair(f, k, r, column, partner)) {

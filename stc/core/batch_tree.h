@@ -68,21 +68,19 @@ static int batch_keep(batch_work *w, batch_front *f, int32_t begin, int32_t coun
                 store8(to, 0, other);
             }
         }
-    for (int32_t p = 0; p < count; p++)
-        for (int32_t r = 0; r < packed; r++) store8(f->w, AT8(p * packed + r), load8(f->w, p * stride + AT8(f->row[r])));
     double *l = streamed ? f->l : to;
     int64_t step = AT8(packed);
     for (int32_t p = 0; p < count; p++) {
         if (f->pairs >> p & 1) {
             for (int32_t r = 0; r < packed; r++) {
-                batch_divide_row(f, p, step, r, &one, &other);
+                batch_divide_row(f, p, stride, f->row[r], &one, &other);
                 store8(l, p * step + AT8(r), one);
                 store8(l, (p + 1) * step + AT8(r), other);
             }
             p++;
         } else {
             vec8 inverse = load8(f->inverse, AT8(3 * p));
-            for (int32_t r = 0; r < packed; r++) store8(l, p * step + AT8(r), mul8(load8(f->w, p * step + AT8(r)), inverse));
+            for (int32_t r = 0; r < packed; r++) store8(l, p * step + AT8(r), mul8(load8(f->w, p * stride + AT8(f->row[r])), inverse));
         }
     }
     batch_subtract(f, l, count, w->offset);

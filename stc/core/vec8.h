@@ -193,18 +193,22 @@ INLINE void scatter8(double *x, const int32_t *places, int64_t k, vec8 v) {
     for (int lane = 0; lane < 8; lane++) x[places[k + lane]] = v.part[lane / LANES][lane % LANES];
 }
 
+/* Lanes of two vectors of four, the second one's counted on from the first one's. */
+typedef double vec4 __attribute__((vector_size(32), aligned(8), may_alias));
+#define CHOSEN(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+
 /* The largest of the eight; what is no number may be passed over. */
 INLINE double largest8(vec8 v) {
     lanes most = v.part[0];
     for (int p = 1; p < 8 / LANES; p++) most = larger_of(v.part[p], most);
-    double found = most[0];
-    for (int lane = 1; lane < LANES; lane++) found = most[lane] > found ? most[lane] : found;
-    return found;
+#if LANES == 8
+    most = larger_of(most, CHOSEN(most, most, 4, 5, 6, 7, 0, 1, 2, 3));
+    most = larger_of(most, CHOSEN(most, most, 2, 3, 0, 1, 6, 7, 4, 5));
+#elif LANES == 4
+    most = larger_of(most, CHOSEN(most, most, 2, 3, 0, 1));
+#endif
+    return most[1] > most[0] ? most[1] : most[0];
 }
-
-/* Lanes of two vectors of four, the second one's counted on from the first one's. */
-typedef double vec4 __attribute__((vector_size(32), aligned(8), may_alias));
-#define CHOSEN(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 
 /* The sum of the eight, in any order. */
 INLINE double sum8(vec8 v) {
