@@ -169,7 +169,7 @@ ALWAYS_INLINE int batch_divide_row(const batch_front *f, int32_t p, int64_t step
  * row `from`. */
 static vec8 batch_bring(const batch_front *f, int32_t from, int32_t c, int32_t count, double *restrict column) {
     int64_t stride = AT8(f->stride), at[BATCH_PANEL];
-    double factor[8 * BATCH_PANEL];
+    _Alignas(64) double factor[8 * BATCH_PANEL];
     int32_t of = 0;
     for (int32_t p = 0; p < count; p++) {
         vec8 one, other = splat8(0.0);

@@ -43,7 +43,7 @@ ALWAYS_INLINE void batch_chunks(int back, int64_t distance, int32_t count, int32
 
 /* x = L^-1 x of a panel, or L^-T D^-1 x. */
 ALWAYS_INLINE void batch_forward_panel(int64_t distance, const batch_work *w, const batch_panel *p, double *restrict x) {
-    double pivot[8 * BATCH_PANEL];
+    _Alignas(64) double pivot[8 * BATCH_PANEL];
     const int32_t *position = w->rows + p->row_at;
     const double *l = w->factors.at + AT8(p->factor_at + p->count + count_bits(p->pairs));
     for (int32_t q = 0; q < p->count; q++) {
@@ -56,7 +56,7 @@ ALWAYS_INLINE void batch_forward_panel(int64_t distance, const batch_work *w, co
 }
 
 ALWAYS_INLINE void batch_backward_panel(int64_t distance, const batch_work *w, const batch_panel *p, double *restrict x) {
-    double pivot[8 * BATCH_PANEL];
+    _Alignas(64) double pivot[8 * BATCH_PANEL];
     const int32_t *position = w->rows + p->row_at;
     const double *inverse = w->factors.at + AT8(p->factor_at);
     for (int32_t k = 0; k < p->count; k++, inverse += 8) {

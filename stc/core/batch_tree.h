@@ -8,7 +8,7 @@
 #include "batch_front.h"
 #include "batch_state.h"
 
-/* At the roots, where nothing is left to wait for, smaller pivots are taken. */
+/* At the roots, smaller pivots are taken. */
 #define BATCH_LOWEST_THRESHOLD 1e-8
 
 static int batch_grow(void **array, int64_t *room, int64_t needed, size_t size) {
@@ -89,18 +89,20 @@ static int batch_keep(batch_work *w, batch_front *f, int32_t begin, int32_t coun
     return 0;
 }
 
-/* Eliminate what can be eliminated of the summed unknowns. */
+/* Eliminate what can be eliminated of the summed unknowns; at the roots, where nothing is left to wait for, those that have been
+ * refused are tried again. */
 static int batch_eliminate(batch_work *w, batch_front *f, int root, int streamed) {
     int32_t limit = f->summed, before = 0;
     while (f->eliminated < f->summed) {
         int32_t begin = f->eliminated, count = batch_take_panel(f, &limit);
         if (count && batch_keep(w, f, begin, count, streamed)) return -1;
         if (f->eliminated < limit) continue;
+        if (!root) return 0;
         if (f->eliminated == before) {
-            if (!root || f->threshold == BATCH_LOWEST_THRESHOLD) return 0;
+            if (f->threshold == BATCH_LOWEST_THRESHOLD) return 0;
             f->threshold = BATCH_LOWEST_THRESHOLD;
         }
-        limit = f->summed; /* those that were refused, once more */
+        limit = f->summed;
         before = f->eliminated;
     }
     return 0;
