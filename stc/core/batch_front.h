@@ -21,14 +21,12 @@
 /* Rows and columns of a tile of products that is held in registers. */
 #if defined(__AVX512F__) || defined(__aarch64__)
 #define BATCH_ROWS 4
-#define BATCH_COLUMNS 4
 #elif defined(__AVX__)
 #define BATCH_ROWS 3
-#define BATCH_COLUMNS 4
 #else
 #define BATCH_ROWS 2
-#define BATCH_COLUMNS 4
 #endif
+#define BATCH_COLUMNS 4
 
 typedef struct {
     double *at;         /* columns of inner unknowns, rows below the diagonal; the rest is not read */

@@ -200,7 +200,7 @@ void batch_eliminate_group(const batch *b, batch_work *w, batch_group *g) {
         f.inner = f.summed + inner;
         f.stride = f.inner + ends;
         f.eliminated = 0;
-        f.threshold = 1e-4;
+        f.threshold = 1e-8;
         if (batch_reserve(w, &f, used[parity], parity, index_used)) { w->no_memory = 1; return; }
         for (int32_t k = 0; k < own; k++) f.index[delayed + k] = first + k;
         for (int32_t k = 0; k < inner; k++) f.index[f.summed + k] = rows[k];
