@@ -40,8 +40,8 @@ typedef struct {
     double *l;          /* room for those of L */
     double *inverse;    /* D^-1 of a panel, three vectors for each pivot */
     uint32_t pairs;     /* pivots of the panel that are the first of two */
-    int32_t *row, count; /* packed rows, and how many of them are no ends */
-    int32_t packed;
+    int32_t *row;       /* packed rows, */
+    int32_t packed, count; /* how many, and how many of them are no ends */
     double threshold;
     vec8 largest, negative; /* of entries; how many pivots are negative */
     double smallest;    /* of pivots */
