@@ -292,7 +292,8 @@ static int batch_next_suits(const batch_front *f, int32_t k, const double *colum
 static int batch_are_pair(const batch_front *f, int32_t k, int32_t r, const double *column, const double *partner) {
     vec8 d = load8(column, AT8(k)), b = load8(column, AT8(r)), c = load8(partner, AT8(r));
     vec8 determinant = abs8(sub8(mul8(d, c), mul8(b, b))), products = max8(abs8(mul8(d, c)), mul8(b, b));
-    if (!all_at_least8(determinant, scaled8(BATCH_CANCELLATION, products))) return 0;
+    products = max8(scaled8(BATCH_CANCELLATION, products), splat8(BATCH_NOTHING * BATCH_NOTHING));
+    if (!all_at_least8(determinant, products)) return 0;
     vec8 most = splat8(0.0), other = splat8(0.0);
     for (int32_t i = k + 1; i < f->stride; i++) {
         if (i == r) continue;
