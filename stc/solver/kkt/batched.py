@@ -66,7 +66,7 @@ class BatchedKKT(ByCopies):
             rest_given=own.given, rest_length=own.given.size, rest_rhs=own.rhs, rest_solution=own.solution,
             rest_second_rhs=own.second_rhs, rest_second_solution=own.second_solution,
             rest_inertia=self._rest.inertia, given=a.given, rhs=a.rhs, second_rhs=a.second_rhs,
-            probe=np.copysign(1.0, scattered(size)), solution=a.solution, second_solution=a.second_solution,
+            probe=_probe(size), solution=a.solution, second_solution=a.second_solution,
             probed=np.zeros(size), report=a.report, accuracy=a.accuracy, inertia=self.inertia,
             calls=self._calls.cells, fine=FINE,
         )  # fmt: skip
@@ -186,6 +186,13 @@ class BatchedKKT(ByCopies):
             self._counted += self._whole.factorizations - before
         self.last_residual = float(self.report[0])
         return repeated
+
+
+def _probe(size: int) -> NDArray[np.float64]:
+    """A right-hand side that tells singular matrices: numbers of all magnitudes, since rows that are the same agree with
+    the same numbers."""
+    spread = scattered(size)
+    return np.copysign(0.5, spread) + 0.5 * spread
 
 
 _new, _free, _restart, _factorize = (
