@@ -189,8 +189,10 @@ class BatchedKKT(ByCopies):
 
 
 def _probe(size: int) -> NDArray[np.float64]:
-    """A right-hand side that tells singular matrices: numbers of all magnitudes, since rows that are the same agree with
-    the same numbers."""
+    """A right-hand side that tells singular matrices.
+
+    Its numbers differ in magnitude: rows that are the same would agree with the same numbers.
+    """
     spread = scattered(size)
     return np.copysign(0.5, spread) + 0.5 * spread
 
