@@ -4,8 +4,9 @@
 
 The pages ``docs/*_free.stc`` are solved from their own guess and from others, with three sine waves of up to 0.1 m or
 rad each added to every coordinate.  What each solve finds is written as a schedule, solved to full order with more
-frames, and validated in MuJoCo, which takes most of the time: only so many starts of each page are judged.  Times are those of the processor,
-of the free solve alone, with one thread.  ``--write`` puts the table into docs/complementarity.md.
+frames, and validated in MuJoCo, which takes most of the time: only so many starts of each page are judged.  A start is
+valid where all of that succeeds.  Times are those of the processor, of the free solve alone, with one thread.
+``--write`` puts the table into docs/complementarity.md.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ USUAL = 2
 WAVES, SIZE = 3, 0.1
 MOST = 1500
 HEAD = """
-| page | frames | unknowns | from the guess | median CPU s | solved | within 150 | median | most | with the schedule | valid |
+| page | frames | unknowns | from the guess | CPU s | solved | within 150 | median | most | scheduled | valid |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 
