@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.records import dataclass, field
-from stc.solver.evaluator import Part, Places
+from stc.solver.evaluator import Indices, Part
 from stc.transcription.assemble import Program, Sparsity
 from stc.transcription.gather import Copying
 
@@ -32,7 +32,7 @@ class Wanted:
         part: the part; None for all.
     """
 
-    row_source: Places
+    row_source: Indices
     gradient: Sparsity
     jacobian: Sparsity
     hessian: Sparsity
@@ -64,13 +64,13 @@ class Wanted:
         found: Known = self._known[key]
         return found
 
-    def others(self, size: int) -> Places:
+    def others(self, size: int) -> Indices:
         """The variables, out of the given number, that are not in the part."""
         assert self.part is not None
         cols = self.part.cols
         return self._once("others", lambda: _without(size, cols))
 
-    def spread(self, places: Places, piece: slice) -> Copying:
+    def spread(self, places: Indices, piece: slice) -> Copying:
         """The copies of numbers to a contiguous piece of targets."""
         key = "spread", id(places), piece.start, piece.stop
         return self._once(key, lambda: Copying.to(places[piece]))
@@ -93,21 +93,21 @@ class Wanted:
                 into = self._targets(number, np.arange(first, last, dtype=np.int32))
                 yield number, at, Copying.of(matrix.first[at], into)
 
-    def folded(self, number: int) -> tuple[Places, Copying]:
+    def folded(self, number: int) -> tuple[Indices, Copying]:
         """The entries of a matrix that are copied again after summation, and their copies."""
         return self._once(("folded", number), lambda: self._folded(number))
 
-    def _folded(self, number: int) -> tuple[Places, Copying]:
+    def _folded(self, number: int) -> tuple[Indices, Copying]:
         matrix = (self.gradient, self.jacobian, self.hessian)[number]
         at = np.flatnonzero(np.isin(matrix.first, matrix.folding.changed())).astype(np.int32)
         return at, Copying.of(matrix.first[at], self._targets(number, at))
 
-    def _targets(self, number: int, entries: Places) -> Places:
+    def _targets(self, number: int, entries: Indices) -> Indices:
         """The targets of entries of a matrix: a gradient has all variables, including those with a zero derivative."""
         return entries if number else self.gradient.cols[entries]
 
 
-def _without(size: int, places: Places) -> NDArray[np.int32]:
+def _without(size: int, places: Indices) -> NDArray[np.int32]:
     """All places below ``size`` but these."""
     absent = np.ones(size, bool)
     absent[places] = False
