@@ -183,7 +183,7 @@ class Contacts(Schedule):
             return [_place(part, velocity[k], given[k : k + 1]) for k, part in enumerate(at)]
         up = dot(vector(surface.normal), velocity)
         found = [Place(up, sub(surface.height(at), num(contact.radius)))]
-        if phase.way:
+        if contact.slides_on(phase):
             return found
         for k, (along, tangent) in enumerate(zip(surface.along(at), surface.tangents, strict=True)):
             rate = dot(vector(tangent), velocity)
@@ -260,6 +260,10 @@ class Contacts(Schedule):
         along = [dot(vector(tangent), force) for tangent in surface.tangents]
         rates = self.velocities(contact, phase, "after" if what == "impulse" else "")
         moving = [k for k in (0, 1) if rates[k] is not ZERO]
+        if contact.glides:
+            for part in along:
+                yield Relation(part, ZERO, ZERO, where, span, f"{contact.name} has no friction ({what})")
+            return
         if phase.way:
             if len(moving) != 1:
                 message = f"`{contact.name}` can slide in more than one direction, or in none"
@@ -303,20 +307,19 @@ class Contacts(Schedule):
         for contact in self.contacts.values():
             for phase in contact.phases:
                 places = self.places(contact, phase)
-                moved = (
-                    slice(2, 3) if phase.way else slice(None)
-                )  # what slides is held along the normal alone
+                slides = contact.slides_on(phase)
+                moved = slice(2, 3) if slides else slice(None)  # what slides is held along the normal alone
                 yield Holding(
                     name=contact.name,
                     path=contact.name,
                     frames=phase.frames,
                     span=self.context.span(phase.statement),
                     places=places,
-                    nearly=self._centre(contact, phase) if contact.radius and not phase.way else [],
+                    nearly=self._centre(contact, phase) if contact.radius and not slides else [],
                     velocities=self.velocities(contact, phase)[moved],
                     accelerations=self.accelerations(contact, phase)[moved],
                     landing=bool(phase.landing),
-                    at=() if contact.radius or phase.way else self.paths.place(contact.frame)[0],
+                    at=() if contact.radius or slides else self.paths.place(contact.frame)[0],
                     height=None if contact.kind == "pin" else places[0].zero,
                     surface=phase.surface.name,
                 )
@@ -347,7 +350,9 @@ class Contacts(Schedule):
         for contact in self.contacts.values():
             for phase in contact.phases:
                 if phase.landing and "landing" in contact.options:
-                    speeds = self.velocities(contact, phase, "before")[2 if phase.way else 0 : 3]
+                    speeds = self.velocities(contact, phase, "before")[
+                        2 if contact.slides_on(phase) else 0 : 3
+                    ]
                     if contact.kind == "foot":  # of its edges
                         axes = self.scope.dynamics.kinematics.axes_of(contact.frame)
                         turning = self.paths.turning(contact.frame)[0]

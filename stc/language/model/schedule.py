@@ -16,7 +16,7 @@ from stc.mechanism.tree import Frame
 from stc.mechanism.vectors import Vector, vector
 from stc.problem import FrameRange
 from stc.records import dataclass, field
-from stc.symbolic.expr import Expr, num
+from stc.symbolic.expr import ZERO, Expr, num
 
 OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "radius", "soft", "sudden", "slides")
 #: Which way a contact slides, along the axis of its surface along which it can move.
@@ -77,6 +77,15 @@ class Contact:
     def forces(self) -> list[str]:
         """The names of its force variables."""
         return [f"{self.name}_{part}" for part in FORCES[self.kind]]
+
+    @property
+    def glides(self) -> bool:
+        """Whether it is a point without friction: nothing holds it along its surface."""
+        return self.kind == "point" and self.options["friction"] is ZERO
+
+    def slides_on(self, phase: Phase) -> bool:
+        """Whether it may move along its surface on the frames of a phase."""
+        return bool(phase.way) or self.glides
 
     def says(self, word: str) -> bool:
         """Whether an option without a value is given."""
