@@ -368,8 +368,9 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
             ]
             lines += [f"# variables: u;   forces: {joint}: u;   replay: apply {joint} = u;"]
     settings = []
-    if page.feet and _gives_way(mechanism):
-        settings += ["  # the model's contacts give way; those of this page are rigid"]
+    links = any(equality.active for equality in mechanism.equalities)
+    if links or (page.feet and _gives_way(mechanism)):
+        settings += ["  # contacts and links of the model give way; those of this page are rigid"]
         settings += [f"  set option.solref.time = {_STIFF:g};"]
     if page.feet and mechanism.options.impratio < _NO_CREEP:
         settings += ["  # feet of the model creep; those of this page stand"]
