@@ -204,7 +204,7 @@ class Contacts(Schedule):
             return [_place(part, velocity[k], given[k : k + 1]) for k, part in enumerate(at)]
         up = dot(vector(surface.normal), velocity)
         found = [Place(up, sub(surface.height(at), num(contact.radius)))]
-        if phase.way or contact.smooth:
+        if contact.slides_on(phase):
             return found
         for k, (along, tangent) in enumerate(zip(surface.along(at), surface.tangents, strict=True)):
             rate = dot(vector(tangent), velocity)
@@ -281,7 +281,7 @@ class Contacts(Schedule):
         along = [dot(vector(tangent), force) for tangent in surface.tangents]
         rates = self.velocities(contact, phase, "after" if what == "impulse" else "")
         moving = [k for k in (0, 1) if rates[k] is not ZERO]
-        if contact.smooth:
+        if contact.glides:
             yield from self.slippery(contact, phase, parts, where, what)
             return
         if phase.way:
@@ -338,7 +338,7 @@ class Contacts(Schedule):
         for contact in self.contacts.values():
             for phase in contact.phases:
                 places = self.places(contact, phase)
-                slides = bool(phase.way) or contact.smooth
+                slides = contact.slides_on(phase)
                 moved = slice(2, 3) if slides else slice(None)  # what slides is held along the normal alone
                 yield Holding(
                     name=contact.name,
@@ -384,7 +384,7 @@ class Contacts(Schedule):
             for phase in contact.phases:
                 if phase.landing and "landing" in contact.options:
                     speeds = self.velocities(contact, phase, "before")[
-                        2 if phase.way or contact.smooth else 0 : 3
+                        2 if contact.slides_on(phase) else 0 : 3
                     ]
                     if contact.kind == "foot":  # of its edges
                         axes = self.scope.dynamics.kinematics.axes_of(contact.frame)

@@ -66,9 +66,9 @@ def free_contacts(contacts: Contacts) -> list[FreeContact]:
         if turning:
             along.append(dot(vector(phase.surface.normal), (turning[0], turning[1], turning[2])))
         span = contacts.context.span(phase.statement)
-        if contact.smooth:
+        if contact.glides:
             along = []
-        sticks = not contact.says("slides") and not contact.smooth
+        sticks = not contact.says("slides") and not contact.glides
         by_pairs = not sticks and len(_along(contact, along)) == 1
         found.append(
             FreeContact(
@@ -100,7 +100,7 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
         yield row(gap, ZERO, None, f"is not below the {surface.name}")
     yield row(pressure, ZERO, None, "pushes")
     yield row(mul(pressure, sum_of(found.gaps)), None, allowed, "pushes only where it touches")
-    if contact.smooth:
+    if contact.glides:
         yield from contacts.slippery(contact, phase, forces, where)
         if contact.says("slides"):
             yield row(sym(VariableRef(contact.slip)), ZERO, ZERO, "has no friction")

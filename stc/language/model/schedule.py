@@ -79,9 +79,13 @@ class Contact:
         return [f"{self.name}_{part}" for part in FORCES[self.kind]]
 
     @property
-    def smooth(self) -> bool:
-        """Whether it is a point without friction, which nothing holds along its surface."""
+    def glides(self) -> bool:
+        """Whether it is a point without friction: nothing holds it along its surface."""
         return self.kind == "point" and is_literal(self.options["friction"], 0.0)
+
+    def slides_on(self, phase: Phase) -> bool:
+        """Whether it may move along its surface on the frames of a phase."""
+        return bool(phase.way) or self.glides
 
     def says(self, word: str) -> bool:
         """Whether an option without a value is given."""

@@ -30,7 +30,7 @@ class Surface:
         name: its name in messages.
         normal, tangents: unit vectors.
         origin: origin of the coordinates along it; zero for a plane that moves, which has it in its frame.
-        friction, priority: sliding friction of its geom, and the priority of the geom.
+        friction, condim, priority: of its geom; the first is sliding friction.
         frame, path: of a plane that moves, its origin in its body, and the geom or site to which it belongs.
     """
 
@@ -39,6 +39,7 @@ class Surface:
     tangents: tuple[Axis, Axis]
     origin: Axis
     friction: float
+    condim: int = 3
     priority: int = 0
     frame: Frame | None = None
     path: tuple[str, str] = ("", "")
@@ -46,11 +47,18 @@ class Surface:
     def friction_with(self, geom: Geom | None) -> float:
         """The sliding friction of a geom on this surface, as MuJoCo combines the two; of no geom, the surface's own.
 
-        Where one has the higher priority its own counts, else the larger of both.
+        Where one has the higher priority its own counts, else the larger of both.  There is none where the contact has
+        one dimension (``condim``).
         """
-        if geom is None or geom.priority < self.priority:
+        if geom is None:
             return self.friction
-        return geom.friction[0] if geom.priority > self.priority else max(self.friction, geom.friction[0])
+        if geom.priority < self.priority:
+            friction, condim = self.friction, self.condim
+        elif geom.priority > self.priority:
+            friction, condim = geom.friction[0], geom.condim
+        else:
+            friction, condim = max(self.friction, geom.friction[0]), max(self.condim, geom.condim)
+        return friction if condim > 1 else 0.0
 
     def height(self, at: Vector) -> Expr:
         """The distance of a place from the plane."""
@@ -152,5 +160,5 @@ def _surface(name: str, turn: np.ndarray, origin: np.ndarray, geom: Geom | None)
         return x, y, z
 
     x, y, z = [float(part) for part in origin]
-    friction, priority = (1.0, 0) if geom is None else (geom.friction[0], geom.priority)
-    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), friction, priority)
+    own = (1.0,) if geom is None else (geom.friction[0], geom.condim, geom.priority)
+    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), *own)
