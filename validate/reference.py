@@ -15,7 +15,7 @@ from stc.solution import Solution
 from stc.trajectory import curves, horner
 from stc.validate.metrics import FloatArray
 from stc.validate.rotations import normalised, rotation_between, turned
-from stc.validate.signals import in_steps, node_value
+from stc.validate.signals import node_value, steps_at
 from stc.validate.ties import Orientation, Source, Tie
 
 if TYPE_CHECKING:
@@ -81,11 +81,9 @@ class Reference:
         """The same at times within the motion, in seconds (m,): (m, p) and (m, v); at a jump, what is after it."""
         if len(self._time) == 1:
             return [np.tile(values, (len(times), 1)) for values in self.at("after", 0)]
-        found = [np.zeros((len(times), len(sources))) for sources in self._sources]
-        for step, mine, shares in in_steps(self._time, times):
-            for values, part in zip(found, self.in_step(step, shares)):
-                values[mine] = part
-        return found
+        steps, shares = steps_at(self._time, times)
+        found = [horner([c[steps] for c in powers], shares[:, None]) for powers in self._coefficients]
+        return [self._on_sphere(found[0]), *found[1:]]
 
     @property
     def extent(self) -> float:
