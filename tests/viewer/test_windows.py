@@ -211,7 +211,18 @@ def display(tmp_path):
     # The server takes a number that is free, and tells it once it can be reached: tests beside this one have others.
     reading, writing = os.pipe()
     server = subprocess.Popen(
-        [XVFB, "-displayfd", str(writing), "-screen", "0", "1280x900x24", "+extension", "GLX", "-nolisten", "tcp"],
+        [
+            XVFB,
+            "-displayfd",
+            str(writing),
+            "-screen",
+            "0",
+            "1280x900x24",
+            "+extension",
+            "GLX",
+            "-nolisten",
+            "tcp",
+        ],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         pass_fds=[writing],
