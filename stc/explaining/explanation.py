@@ -189,7 +189,7 @@ class _Explaining:
         (place / f"{TABLE}.csv").write_text(self.table, encoding="utf-8")
 
     def explanation(self, time_limit: float | None) -> Explanation:
-        """All of it, the search for weights within a number of seconds."""
+        """Carry out all stages; the search for weights ends after ``time_limit`` seconds."""
         made = self.made
         self.tell("follows the recorded motion")
         wanted = {term.name: f"w_{term.name}" for term in made.terms}

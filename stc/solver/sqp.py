@@ -248,7 +248,7 @@ class _Solve:
         return self._helped(form, GUESSED, lambda tactics: self.attempts.barrier(form, x0, tactics))
 
     def _helped(self, form: ScaledProblem, first: Tactics, attempt: Callable[[Tactics], Outcome]) -> Outcome:
-        """What an attempt leads to, or another start, if there is one, where that is no solution with ``first``."""
+        """The outcome of an attempt; if it fails with the tactics ``first``, that of the caller's other starts."""
         if self.start.another is None:
             return attempt(Tactics())
         outcome = attempt(replace(first, patient=once(is_convex, self.nlp)))

@@ -38,7 +38,7 @@ class Numbers:
         return np.full(len(nodes), value) if np.ndim(value) == 0 else np.asarray(value)
 
     def value(self, e: Expr, nodes: Nodes) -> np.float64 | FloatArray:
-        """The same: one number where that is the same at all nodes, otherwise (k,)."""
+        """The value of ``e``: one number if it is the same at all nodes, otherwise one for each, (k,)."""
         known = self._known.get(e)
         if known is not None:
             return known
