@@ -275,7 +275,7 @@ def _track(found: Replays, time_step: float, integrator: str) -> ContactMeter | 
 
 
 def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claims) -> Report:
-    """The report without warnings and wall time."""
+    """The report from finished replays; warnings and the wall time are added by the caller."""
     import mujoco
 
     setup, motion = replays.setup, replays.open_loop

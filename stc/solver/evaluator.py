@@ -112,6 +112,10 @@ class Part:
             new_col[nlp.hess_rows[hess]], new_col[nlp.hess_cols[hess]],
         )  # fmt: skip
 
+    def alike(self, other: Part) -> bool:
+        """Whether another part of the same program has the same variables and rows."""
+        return np.array_equal(self.cols, other.cols) and np.array_equal(self.rows, other.rows)
+
 
 def _which(wanted: Mask) -> Indices:
     return np.flatnonzero(wanted).astype(np.int32)

@@ -65,7 +65,7 @@ class QuadraticSolution:
 
 
 def guess_from_multipliers(form: ScaledProblem, point: PrimalDual) -> ActiveSet:
-    """What was active where the point's multipliers belong."""
+    """The active set that the point's multipliers imply: bounds and rows whose multiplier is not negligible."""
     terms = term_sums(form.jac_cols, form.jac_rows, point.jac, point.y, form.n)
     return ActiveSet(
         _signs(point.z, np.asarray(ACCEPTABLE + RELAXATION * terms, float), *form.true_x) * ~form.held,

@@ -248,7 +248,7 @@ class _Solve:
         return self._helped(form, GUESSED, lambda tactics: self.strategies.barrier(form, x0, tactics))
 
     def _helped(self, form: ScaledProblem, first: Tactics, solve: Callable[[Tactics], Outcome]) -> Outcome:
-        """What a solve leads to, or another start, if there is one, where that is no solution with ``first``."""
+        """The outcome of a solve; if it fails with the tactics ``first``, that of the caller's other starts."""
         if self.start.another is None:
             return solve(Tactics())
         outcome = solve(replace(first, patient=once(is_convex, self.nlp)))

@@ -27,13 +27,21 @@ class Numbers:
         self.steps, self.coefficients = steps, coefficients
         self.weights = {k: table.values(coefficients) for k, table in enumerate(statements.weights)}
         self.constants: dict[object, float] = {ConstantRef(name): value for name, value in constants.items()}
-        self._known: dict[Expr, float] = {}
+        self._known: dict[Expr, np.float64] = {}
 
     def data(self, ref: DataRef, nodes: Nodes) -> FloatArray:
         return data_values(ref, nodes, self.steps, self.coefficients, self.weights)
 
     def at(self, e: Expr, nodes: Nodes) -> FloatArray:
         """The value of ``e`` at every node. (k,)"""
+        value = self.value(e, nodes)
+        return np.full(len(nodes), value) if np.ndim(value) == 0 else np.asarray(value)
+
+    def value(self, e: Expr, nodes: Nodes) -> np.float64 | FloatArray:
+        """The value of ``e``: one number if it is the same at all nodes, otherwise one for each, (k,)."""
+        known = self._known.get(e)
+        if known is not None:
+            return known
         data = [key for key in symbols(e) if isinstance(key, DataRef)]
         if data:
             given: dict[object, float | FloatArray] = {
@@ -41,10 +49,8 @@ class Numbers:
                 **{key: self.data(key, nodes) for key in data},
             }
             return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
-        value = self._known.get(e)
-        if value is None:
-            value = self._known[e] = float(evaluate(e, self.constants))
-        return np.full(len(nodes), value)
+        found = self._known[e] = np.float64(evaluate(e, self.constants))
+        return found
 
     def of_unknowns(self, e: Expr, nodes: Nodes, layout: Layout, x: FloatArray) -> FloatArray:
         """The value of ``e`` at every node of a decision vector ``x`` (layout.size,). (k,)"""

@@ -1,13 +1,14 @@
 """The numbers of a program that leave its kernels, all of them or those of a part, and their targets.
 
-This does not depend on the scaling, of which a solve has several, so it is computed once.
+This depends neither on the scaling, of which a solve has several, nor on constants, of which one solve after another
+has its own. So it is computed once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ from stc.transcription.gather import Copying
 __all__ = ["Wanted"]
 
 Known = TypeVar("Known")
+
+#: Variables and rows of the largest program that keeps it for its next solve, and of how many parts.
+LARGEST, KEPT = 3_000_000, 2
 
 
 @dataclass(slots=True)
@@ -41,7 +45,19 @@ class Wanted:
 
     @classmethod
     def of(cls, program: Program, part: Part | None) -> Wanted:
-        """All numbers of a program, or those of a part."""
+        """All numbers of a program, or those of a part, found anew only where the program has not kept them."""
+        for known in program.wanted:
+            if known.part is part:
+                return cast("Wanted", known)
+            if known.part is not None and part is not None and known.part.alike(part):
+                return replace(known, part=replace(known.part, x=part.x))
+        made = cls._of(program, part)
+        if program.size + program.row_count <= LARGEST:
+            program.wanted[:] = [*program.wanted[1 - KEPT :], made]
+        return made
+
+    @classmethod
+    def _of(cls, program: Program, part: Part | None) -> Wanted:
         gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
         if part is None:
             return cls(program.row_source, gradient, jacobian, hessian, None)
