@@ -13,7 +13,7 @@ import numpy as np
 
 from stc.language.model.paths import PathError, parts_of
 from stc.language.model.scope import ModelScope, quoted
-from stc.mechanism.mechanism import Geom, Site, index_of
+from stc.mechanism.mechanism import Geom, Site
 from stc.mechanism.tree import WORLD, Frame, drawn_pose, rotation
 from stc.mechanism.vectors import Vector, dot, vector
 from stc.records import dataclass
@@ -102,11 +102,10 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
             f"`{path}` is not a surface",
             f"write one of {', '.join(f'`geom.{quoted(n)}`' for n in names[:8])}",
         )
-    index = index_of(things[kind], rest[0])
-    if index is None:
+    thing = next((one for one in things[kind] if one.name == rest[0]), None)
+    if thing is None:
         names = [one.name for one in things[kind] if one.name]
         raise PathError(f"the model has no {kind} `{rest[0]}`", f"its {kind}s are {', '.join(names[:12])}")
-    thing = things[kind][index]
     if isinstance(thing, Geom) and thing.kind not in ("plane", "box"):
         raise PathError(
             f"the geom `{rest[0]}` is a {thing.kind}", "contacts stand on planes and on faces of boxes"
@@ -115,7 +114,7 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
     geom = thing if isinstance(thing, Geom) else None
     frame = scope.dynamics.tree.frames[thing.body]
     if frame.segment == WORLD:
-        return _surface(rest[0], turn, at, geom)
+        return _of(thing, _surface(rest[0], turn, at, geom))
     if any(part is not ZERO for part in scope.dynamics.kinematics.rate_of(frame)):
         where = f" ({geom.place})" if geom and geom.place else ""
         hint = (
@@ -126,7 +125,13 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
     # Its body has the same axes throughout.
     body, origin = drawn_pose(scope.mechanism, thing.body)
     there = scope.dynamics.tree.frame(thing.body, vector((body.T @ (at - origin)).tolist()))
-    return replace(_surface(rest[0], turn, np.zeros(3), geom), frame=there, path=(kind, rest[0]))
+    found = _of(thing, _surface(rest[0], turn, np.zeros(3), geom))
+    return replace(found, frame=there, path=(kind, rest[0]))
+
+
+def _of(thing: Geom | Site, surface: Surface) -> Surface:
+    """The surface of a thing: that of a site has no friction of its own, so that the contact's geom tells it."""
+    return surface if isinstance(thing, Geom) else replace(surface, priority=-1)
 
 
 def _face(scope: ModelScope, thing: Geom | Site) -> tuple[np.ndarray, np.ndarray]:
