@@ -70,6 +70,12 @@ def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, nu
     """
     size = layout.size
     result = Bounds(np.full(size, -np.inf), np.full(size, np.inf), np.full(size, -1), np.full(size, -1), [])
+    numbers.evaluate(
+        e
+        for bound in statements.bounds
+        for e in (bound.rest, bound.lower, bound.upper, bound.coefficient)
+        if e is not None
+    )
     for bound in statements.bounds:
         _apply(problem, bound, layout, numbers, result)
     for at, low, high in step_limits(layout, numbers):
@@ -120,10 +126,10 @@ def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Num
         slope = numbers.value(bound.coefficient, nodes)
         _check_value(relation, bound.coefficient, slope, nodes, numbers)
     dead = slope == 0.0
-    if np.any(dead):
+    if dead.any():
         tolerance = 1e-9 * np.maximum(1.0, np.abs(rest))
         wrong = dead & ((low > tolerance) | (high < -tolerance) | np.isnan(low) | np.isnan(high))
-        if np.any(wrong):
+        if wrong.any():
             every = np.broadcast_arrays(wrong, low, high, nodes.position)
             k = int(np.flatnonzero(every[0])[0])
             frame = float(nodes.position[k]) / 2
@@ -136,17 +142,17 @@ def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Num
                     f"`{relation.text}` is false at frame {frame:g} whatever the unknowns are",
                 )
             )
-    if bound.unknown is None or np.all(dead):
+    if bound.unknown is None or dead.all():
         return
     position = layout.position(bound.unknown, nodes)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         one, other = low / slope, high / slope
     beyond = ~dead & (np.isfinite(low) & np.isinf(one) | np.isfinite(high) & np.isinf(other))
-    if np.any(beyond):
+    if beyond.any():
         raise _no_value(relation, bound.coefficient, nodes, beyond, numbers)
     rising = slope > 0.0
     ends = np.where(rising, one, other), np.where(rising, other, one)
-    if np.any(dead):
+    if dead.any():
         live, shape = ~dead, position.shape
         position, ends = position[live], tuple(np.broadcast_to(end, shape)[live] for end in ends)
     _tighten(np.fmax, into.lower, into.lower_from, position, ends[0], bound.relation)
@@ -181,7 +187,7 @@ def _check_value(relation: Relation, e: Expr, value: Values, nodes: Nodes, numbe
         EvaluationError: with the statement, the frame and the constants.
     """
     wrong = ~np.isfinite(value)
-    if np.any(wrong):
+    if wrong.any():
         raise _no_value(relation, e, nodes, wrong, numbers)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.problem import ConstantRef, ParameterRef, VariableRef
-from stc.symbolic.expr import Expr, evaluate, symbols
+from stc.symbolic.expr import Expr, evaluate, evaluate_all, symbols
 from stc.transcription.grid import Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.lower import DataRef, data_values
@@ -37,12 +37,18 @@ class Numbers:
         value = self.value(e, nodes)
         return np.full(len(nodes), value) if np.ndim(value) == 0 else np.asarray(value)
 
+    def evaluate(self, expressions: Iterable[Expr]) -> None:
+        """Evaluate expressions that have the same value at all nodes, together, for later calls of :meth:`value`."""
+        new = dict.fromkeys(e for e in expressions if e not in self._known and not _of_data(e))
+        values = evaluate_all(list(new), self.constants)
+        self._known.update({e: np.float64(value) for e, value in zip(new, values, strict=True)})
+
     def value(self, e: Expr, nodes: Nodes) -> np.float64 | FloatArray:
         """The value of ``e``: one number if it is the same at all nodes, otherwise one for each, (k,)."""
         known = self._known.get(e)
         if known is not None:
             return known
-        data = [key for key in symbols(e) if isinstance(key, DataRef)]
+        data = _of_data(e)
         if data:
             given: dict[object, float | FloatArray] = {
                 **self.constants,
@@ -61,3 +67,8 @@ class Numbers:
             elif isinstance(key, DataRef):
                 given[key] = self.data(key, nodes)
         return np.broadcast_to(np.asarray(evaluate(e, given), float), (len(nodes),))
+
+
+def _of_data(e: Expr) -> list[DataRef]:
+    """The data of nodes that an expression refers to."""
+    return [key for key in symbols(e) if isinstance(key, DataRef)]
