@@ -14,7 +14,7 @@
 /* What a front takes besides its operations, in operations: for itself, for each of its rows, and for each entry. */
 #define FRONT_COST 600.0
 #define ROW_COST 15.0
-#define ENTRY_COST 2.0
+#define ENTRY_COST 1.0
 
 static void *array(size_t count, size_t size) { return calloc(count + 1, size); }
 

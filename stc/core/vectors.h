@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
-
 #if defined(__AVX__)
 #include <immintrin.h>
 #elif defined(__SSE2__)
@@ -40,7 +39,7 @@ static inline lanes magnitude_of(lanes x) {
     return (lanes)((masks)x & sign);
 }
 
-/* a where it is larger, else b, as one instruction where there is one: compilers do not find it. */
+/* The larger of each two; b where one is not a number. */
 static inline lanes larger_of(lanes a, lanes b) {
 #if defined(__AVX512F__)
     return (lanes)_mm512_max_pd((__m512d)a, (__m512d)b);

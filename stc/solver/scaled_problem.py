@@ -172,7 +172,7 @@ class ScaledProblem(Formulation):
 
     def _choose_function_scales(self, x0: Floats) -> Floats:
         """Scale the objective and the rows for the scales of the variables; the magnitudes of the Jacobian's entries
-        of rows as stated by scaled variables, the larger ones of two places, (nnz_J,).
+        of rows as stated by scaled variables, the larger ones of those at two points, (nnz_J,).
         """
         nlp = self.nlp
         at_start, entries = self._magnitudes(x0)

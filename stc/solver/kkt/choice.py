@@ -19,28 +19,24 @@ if TYPE_CHECKING:
 
 __all__ = ["new_system", "suits_chain"]
 
-#: A chain is faster than segments where the middle one of all stages has so many unknowns, ...
+#: A chain is faster than segments where the middle one of all stages has so many unknowns.
 WIDE = 60
-#: ... or so many, as long as its factors and scaled entries stay in a processor's own memory: so many bytes in all, and
-#: so many for each unknown of a stage and each other one of it, about.
-NARROW = 30
-NEAR = 2**21
-BYTES = 8.2
 #: For each unknown there should be so many entries off the diagonal, for each unknown of a stage: what is sparser takes
 #: less time in lanes, which waste no operation on zeros. Transcriptions with midpoints have half as many.
 DENSE = 0.1
 #: A chain of sparse wide stages is faster than segments, too, where these leave more than so much of a horizon, as long
-#: as its factors and scaled entries take no more bytes than that.
+#: as its factors and scaled entries take no more bytes than that: so many for each unknown of a stage and each other
+#: one of it, about.
 SEGMENTED = 0.6
 SHORT = 6 * 2**20
+BYTES = 8.2
 
 
 def suits_chain(couplings: Couplings, numbered: Numbered) -> bool:
     """Whether a chain takes less time than segments or fronts."""
     middle = np.median(np.diff(numbered.stages.pointers))
     dense = couplings.first.size >= DENSE * middle * couplings.size
-    near = _bytes_of_chain(numbered) <= NEAR
-    return bool(middle >= max(NARROW, numbered.stages.border.size) and dense and (middle >= WIDE or near))
+    return bool(middle >= max(WIDE, numbered.stages.border.size) and dense)
 
 
 def leaves_much(numbered: Numbered, found: Segmentation | None) -> bool:
@@ -48,13 +44,8 @@ def leaves_much(numbered: Numbered, found: Segmentation | None) -> bool:
     width = np.diff(numbered.stages.pointers)
     taken = 0 if found is None else int(width[found.interior].sum())
     wide = np.median(width) >= max(WIDE, numbered.stages.border.size)
-    return bool(wide and taken < SEGMENTED * width.sum() and _bytes_of_chain(numbered) <= SHORT)
-
-
-def _bytes_of_chain(numbered: Numbered) -> float:
-    """What its factors and scaled entries take, about."""
-    width = np.diff(numbered.stages.pointers)
-    return BYTES * float(((width + numbered.stages.border.size) ** 2.0).sum())
+    size = BYTES * float(((width + numbered.stages.border.size) ** 2.0).sum())
+    return bool(wide and taken < SEGMENTED * width.sum() and size <= SHORT)
 
 
 def new_system(

@@ -200,17 +200,14 @@ def test_a_pivot_that_either_part_or_the_middle_refuses(two_threads, frame):
 def test_who_is_chosen(monkeypatch):
     rng = np.random.default_rng(2)
     assert not isinstance(StructuredKKT(*motion(rng, 40).arguments()).system, ChainKKT)
-    pattern = wide(rng, 20, 6)
-    system = StructuredKKT(*pattern.arguments()).system
+    narrow = number_stages(*structure(wide(rng, 20, 6)))
+    assert narrow is not None
+    assert not suits_chain(structure(wide(rng, 20, 6))[0], narrow)
+    system = StructuredKKT(*wide(rng, 20, 9).arguments()).system
     assert isinstance(system, ChainKKT)
     couplings, stage = system._couplings, system._stage
     numbered = number_stages(couplings, stage)
     assert numbered is not None
-    assert suits_chain(couplings, numbered)
-    monkeypatch.setattr(choice, "NEAR", 1000)
-    assert not suits_chain(couplings, numbered)  # too large for narrow stages
-    monkeypatch.setattr(choice, "WIDE", 40)
-    assert suits_chain(couplings, numbered)
     assert find_chain(couplings, stage, numbered, None) is not None
     monkeypatch.setattr(chain, "KINDS", 2)
     assert find_chain(couplings, stage, numbered, None) is None
