@@ -410,7 +410,7 @@ static int batch_plan_shape(const batch *b, const batch_state *s, batch_shape *s
         batch_fill_graph(shape, &g);
         batch_magnitudes(b, s, shape, magnitude);
         shape->plan = plan_new(&g, shape->entries, shape->one, shape->other, magnitude, shape->variables, shape->stage,
-                               shape->weak, 8);
+                               shape->weak, 32);
     }
     free(g.start); free(g.index); free(g.entry); free(magnitude);
     const plan *p = shape->plan;

@@ -116,7 +116,7 @@ class ScaledProblem(Formulation):
         self.quadratic_program = self.linear and self.quadratic_objective
         self.kkt = new_kkt(
             self.n, self.m, nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols, nlp.var_stage, nlp.row_stage,
-            self.held, self.equality,
+            self.held,
         )  # fmt: skip
 
     @cached_property
