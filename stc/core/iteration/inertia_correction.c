@@ -1,6 +1,7 @@
 /* Inertia correction: which shift of the Hessian to try next.
  *
  * A. Waechter and L. T. Biegler, Math. Program. 106, 2006, algorithm IC. See stc.solver.newton_system for the system. */
+#include "../kkt.h"
 #include "iteration.h"
 
 /* In units of the Hessian's usual curvature, which is taken to be within these. */
@@ -17,8 +18,6 @@ enum { MOST_UNTRIED = 3 };
 /* So many damped steps in a row that are whole, but leave more than such a share of the dual error, are the last. */
 enum { WATCHED = 6 };
 #define SLOW 0.6
-/* The relative residual that refinement ends at while rows are far off (the same as in kkt/contract.py). */
-#define COARSE 1e-10
 /* Share of the variables that an objective has to bend at least. */
 #define BENT 0.05
 /* What a factorisation has to do next. */
