@@ -86,7 +86,7 @@ def run(motion: str, model: str, output: str | None, *, search_time: float, as_j
 def _ranges(explanation: Explanation) -> list[tuple[str, str]]:
     """The bounds of the shares: of the terms of the objective, and of others that may have one."""
     told = [
-        f"{name} {100 * low:.2g} to {100 * high:.2g} %"
+        f"{name} {100 * low:.3g} to {100 * high:.3g} %"
         for name, (low, high) in explanation.ranges.items()
         if name in explanation.shares or name in explanation.unsure
     ]
