@@ -73,7 +73,13 @@ FLAGS = [
 #: Products and sums are rounded as they are written, so that results are the same on all processors, but for inner
 #: loops, where they are contracted to multiply-adds.
 CONTRACTED = {
-    "batch", "conditions", "elastic", "gather", "numeric", "points", "step",
+    "batch",
+    "conditions",
+    "elastic",
+    "gather",
+    "numeric",
+    "points",
+    "step",
 }
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));
