@@ -69,7 +69,9 @@ def read_first(stored: Stored, solution_of: Callable[[Stored], Solution]) -> Sol
         if found.shape != stated.shape or not np.allclose(
             found, stated, rtol=0.0, atol=ROUNDING * scale, equal_nan=True
         ):
-            raise SolutionError(f"the file was altered: its {name} is not what its curves and its text give")
+            raise SolutionError(
+                f"the file was altered: its {name} is not the one that follows from its curves and its text"
+            )
     return solution
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from stc.language.constant_values import constant_values
+from stc.language.constant_values import ConstantValues
 from stc.language.elaborate import elaborate
 from stc.problem import Problem
 from stc.transcription import Transcription, transcribe
@@ -27,7 +27,7 @@ class KeptTranscriptions:
     """Problems of one spec, with their shared transcriptions."""
 
     def __init__(self, tree: SpecTree) -> None:
-        self._tree = tree
+        self._tree, self._values = tree, ConstantValues(tree)
         self._kept: dict[object, Transcription] = {}  # by method and structural constants
         self._own_method = ""  # the spec's, once it is known
         self._recent: dict[object, tuple[Problem, Transcription]] = {}  # by the constants given last
@@ -90,7 +90,7 @@ class KeptTranscriptions:
             return self._recent[numbers]
         if not any(kept.problem.method == wanted for kept in self._kept.values()):
             return None
-        values = constant_values(self._tree, given)
+        values = self._values(given)
         for kept in self._kept.values():
             problem = kept.problem
             fits = problem.method == wanted and values.keys() == problem.constants.keys()

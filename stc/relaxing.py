@@ -26,6 +26,9 @@ FACTOR = 0.1
 ITERATIONS = 30, 500
 #: How exactly all but the last are solved.
 TOLERANCE = 1e-2
+#: If a row is still violated by more than this, relative to max(1, its bound), the same value is solved for again, at
+#: most so many times, since smaller ones are harder to meet.
+MISSED, AGAIN = 1.0, 3
 
 Solve = Callable[[float, Options, Start | None], Result]
 
@@ -85,8 +88,9 @@ def _walked(
         Iterations of each but the last: see :data:`ITERATIONS`.
     """
     iterations = factorizations = 0
-    last = by[-1]
-    for value in by:
+    last, again, to_come = by[-1], 0, list(by)
+    while to_come:
+        value = to_come[0]
         left = options.max_iterations - iterations
         few = replace(
             options, max_iterations=min(most, left), tolerance=max(TOLERANCE, options.tolerance), retries=0
@@ -97,11 +101,16 @@ def _walked(
         found = solve(value, replace(chosen, warm_start=warm), start)
         iterations += found.iterations
         factorizations += found.factorizations
-        start = Start(found.x, found.row_multipliers, found.bound_multipliers)
         ended = found.status in (Status.TIME_LIMIT, Status.INTERRUPTED)
         if value != last and (ended or iterations >= options.max_iterations):
             status = found.status if ended else Status.ITERATION_LIMIT
             there = solve(last, replace(options, max_iterations=0), Start(found.x))
             found = replace(there, status=status, message=f"{sentence(status)} {advice(status)}")
             break
+        missed = found.status is Status.ITERATION_LIMIT and found.violation > MISSED
+        if value != last and missed and again < AGAIN:
+            again, start = again + 1, Start(found.x)
+        else:
+            again, start = 0, Start(found.x, found.row_multipliers, found.bound_multipliers)
+            to_come = to_come[1:]
     return replace(found, iterations=iterations, factorizations=factorizations), ended

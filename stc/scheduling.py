@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from pathlib import Path
 
 import numpy as np
@@ -64,18 +64,22 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
     recovery = stated.recovery(solution.x, solution.constants)
     steps = np.append(0.0, np.diff(solution.time))
 
+    stances = {
+        contact.name: _stances(recovery.channel(contact.pressure).before > BEARS * contact.weight)
+        for contact in contacts
+    }
+    landings = {first for some in stances.values() for first, _ in some}
     found: dict[str, list[Range]] = {}
     for contact in contacts:
-        pressure = recovery.channel(contact.pressure).before
         moving = [rate for rate in contact.slip if rate is not ZERO]
-        speeds = np.array([recovery.channel(rate).before for rate in moving]).reshape(len(moving), -1)
+        speeds = np.array([recovery.channel(rate).before for rate in moving]).reshape(len(moving), len(steps))
         found[contact.name] = []
-        for first, last in _stances(pressure > BEARS * contact.weight):
+        for first, last in stances[contact.name]:
             way = np.abs(speeds * steps)[:, first + 2 : last].sum(axis=1)  # an impact takes two steps
             if way.max(initial=0.0) <= SLIDES:
                 found[contact.name].append((first, last, ""))
             elif len(moving) == 1:
-                found[contact.name] += _slides(speeds[0], first, last)
+                found[contact.name] += _slides(speeds[0], first, last, landings)
             else:
                 raise UsageError(
                     f"`{contact.name}` slides by {way.max():.3g} m on frames {first} to {last}, and a schedule can say "
@@ -86,12 +90,16 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
     return found
 
 
-def _slides(speed: NDArray[np.float64], first: int, last: int) -> Iterator[Range]:
-    """A stance divided into parts that stand and parts that slide, with their direction."""
+def _slides(speed: NDArray[np.float64], first: int, last: int, landings: Set[int]) -> Iterator[Range]:
+    """A stance divided into parts that stand and parts that slide, with their direction.
+
+    It begins to slide at the beginning of the first step in which it does; if another contact lands at the end of that
+    step, as what hits it may, with that landing.
+    """
     ways = np.where(np.abs(speed) > SLOWLY, np.sign(speed), 0.0)
     reached = first
     moves = [
-        (max(first, begin + first - 1), min(last, end + first), word)
+        (max(first, begin + first - (begin + first not in landings)), min(last, end + first), word)
         for word, way in WAYS.items()
         for begin, end in stretches_of(ways[first : last + 1] == way)
     ]

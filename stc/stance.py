@@ -468,8 +468,10 @@ def _lowest(geom: Geom, axes: Matrix, up: Matrix) -> list[tuple[Matrix, float, s
                 for a in (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)
             ]
         elif length > 1.0 - 1e-6:
-            # It lies, and rolls: a ball about each end of its axis touches where it does.
-            return [(np.array([0.0, 0.0, sign * size[1]]), size[0], "") for sign in (1.0, -1.0)]
+            # It lies, and rolls: a ball about its axis touches where it does.  The load of a wheel is at its middle,
+            # that of a roller, which is wider, at both of its ends.
+            ends = (0.0,) if size[1] < size[0] else (size[1], -size[1])
+            return [(np.array([0.0, 0.0, end]), size[0], "") for end in ends]
         else:
             turns = [across / length]
         return [

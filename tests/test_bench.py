@@ -71,6 +71,41 @@ def test_a_tool_may_run_in_another_python(
         assert any("Sleipnir" in line for line in absent) != takes_part
 
 
+@pytest.mark.parametrize(
+    "tool",
+    [
+        "exec sleep 600",  # is ended from outside
+        """echo '{"cpu": [0.7], "wall": [0.7], "iterations": 3, "objective": 1.0, "solved": false,'"""
+        """ '"status": "Maximum_CpuTime_Exceeded", "note": ""}'""",  # stops at its own limit
+    ],
+)
+def test_a_tool_without_an_answer_is_a_row(
+    peers: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, tool: str
+) -> None:
+    from bench.peers import report, runner
+    from bench.peers.contenders import contender
+    from bench.peers.task import Case
+
+    python = tmp_path / "python"
+    python.write_text(f"#!/bin/sh\n{tool}\n", encoding="utf-8")
+    python.chmod(0o755)
+    monkeypatch.setenv("BENCH_PYTHON_SLEIPNIR", str(python))
+    monkeypatch.setattr(runner, "SETTING_UP", 0.0)
+    case = Case("P2", 50, time_limit=0.6)
+    said: list[str] = []
+    found = runner.solve_only([case], [contender("Sleipnir")], 3, said.append)
+    assert len(said) == 1  # it is not asked again
+    table = report.everyone(found)
+    assert "| Sleipnir |" in table and "no answer in 0.01 min" in table
+    ours = runner.Measured("stc", case, [0.002], [0.002], 10, 59.0, True)
+    assert (
+        report.overview([ours, *found])
+        .splitlines()[2]
+        .startswith("| P2 | 50 | 2 | 10 | no answer in 0.01 min |")
+    )
+    assert {case.time_limit for case in runner.CASES if case.problem in ("P7", "P8")} == {900.0}
+
+
 @pytest.mark.slow
 def test_the_quadratic_problem_is_the_spec(peers: ModuleType) -> None:
     from bench.peers import problems

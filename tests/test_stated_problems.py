@@ -118,7 +118,7 @@ def test_friction_that_a_table_gives_sticks_and_slips(tmp_path: Path) -> None:
 def test_what_holds_a_control_that_nothing_decides_is_taken_up(tmp_path: Path) -> None:
     text = """
     data: d = (x, y): (0, 0), (1, 1), (2, 4), (3, 9); f = table(d.x, d.y);
-    constants: n = 20, T = 1, h = T/n;
+    constants: n = 10, T = 1, h = T/n;
     variables: x, w;
     constraints: [0, n]: x = 1 + t; w = (f(x))';
     method: hermite-simpson;

@@ -126,7 +126,7 @@ def _standing(
     setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, ground: Sequence[ContactForces]
 ) -> Iterator[tuple[Place, str, int, int]]:
     """The points of contacts that stand, with their names and their first and last frames."""
-    slides = {one.body: one.slides for one in ground}
+    slides = {one.body: one.slides | (one.friction == 0.0) for one in ground}
     for place, (name, lines) in _places(setup).items():
         body = model.body(place.body).name or str(place.body)
         for first, last in _stands(setup, lines):

@@ -7,7 +7,7 @@ through a replay, with the weights of the integrator's stages.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -22,8 +22,14 @@ if TYPE_CHECKING:
     from stc.validate.metrics import FloatArray
     from stc.validate.setup import Setup
 
+    #: The contacts of an instant: (c, 6) each one's force and torque along its own axes, (c, 9) these axes row by row,
+    #: (c, 2) its geoms, (c, 3) its place; and (b, 3) the origins of the bodies.
+    _Contacts: TypeAlias = tuple[FloatArray, FloatArray, np.ndarray, FloatArray, FloatArray]
+
 #: Geoms that are nearer to one another than this, in m, touch in a solved pose.
 TOUCHES = 1e-3
+#: So many instants of a replay are integrated at once.
+_TOGETHER = 512
 
 
 def welded(model: mujoco.MjModel, body: int) -> set[int]:
@@ -134,33 +140,76 @@ class ContactMeter:
             body: np.append(np.isin(model.geom_bodyid, list(welded(model, body))), False).astype(float)
             for body in self.columns
         }
+        self._bodies = list(self._own)
         self._grips = grips(setup)
-        self.impulses = {body: np.zeros((setup.solution.n, 6)) for body in self.columns}
+        self._impulses = {body: np.zeros((setup.solution.n, 6)) for body in self.columns}
+        #: What has been added and not yet integrated: the frame step, the time in s, and the contacts.
+        self._added: list[tuple[int, float, _Contacts]] = []
+
+    @property
+    def impulses(self) -> dict[int, FloatArray]:
+        """As the class describes it."""
+        self._integrate()
+        return self._impulses
 
     def add(self, frame: int, model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
         """Add the present contact forces, acting for some time of a frame step."""
-        if data.ncon or self._grips:
-            for body, wrench in self.wrenches(model, data).items():
-                self.impulses[body][frame] += seconds * wrench
+        if data.ncon:
+            # NumPy takes as long for the contacts of one instant as for those of a hundred.
+            self._added.append((frame, seconds, self._contacts(model, data)))
+            if len(self._added) == _TOGETHER:
+                self._integrate()
+        for body, wrench in self._of_grips(model, data):
+            self._impulses[body][frame] += seconds * wrench
 
     def wrenches(self, model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, FloatArray]:
         """Per body (6,) force and torque about its origin, along the world's axes, of all its contacts and grips."""
+        contacts = self._contacts(model, data)
+        found = {body: wrenches.sum(axis=0) for body, wrenches in self._each([contacts])}
+        for body, wrench in self._of_grips(model, data):
+            found[body] += wrench
+        return found
+
+    def _contacts(self, model: mujoco.MjModel, data: mujoco.MjData) -> _Contacts:
+        """The present ones."""
         import mujoco
 
-        contacts, local = data.contact, np.zeros((data.ncon, 6))
-        for number, force in enumerate(local):
+        contacts, forces = data.contact, np.zeros((data.ncon, 6))
+        for number, force in enumerate(forces):
             mujoco.mj_contactForce(model, data, number, force)
-        forces, torques = np.einsum("cpi,cij->pcj", local.reshape(-1, 2, 3), contacts.frame.reshape(-1, 3, 3))
-        found, geoms, places = {}, contacts.geom, contacts.pos
-        for body, own in self._own.items():
+        # MuJoCo's arrays are views of what the next step changes.
+        views = contacts.frame, contacts.geom, contacts.pos
+        axes, geoms, places = (view.copy() for view in views)
+        return forces, axes, geoms, places, data.xpos[self._bodies]
+
+    def _each(self, contacts: list[_Contacts]) -> Iterator[tuple[int, FloatArray]]:
+        """Per body (c, 6) what each contact of some instants exerts on it, as a force and a torque about its origin."""
+        local, frames, geoms, places, _ = map(np.concatenate, zip(*contacts))
+        counts = [len(one[0]) for one in contacts]
+        origins = np.repeat([one[4] for one in contacts], counts, axis=0)
+        both = np.einsum("cpi,cij->cpj", local.reshape(-1, 2, 3), frames.reshape(-1, 3, 3))
+        forces, torques = both[:, 0], both[:, 1]
+        for index, (body, own) in enumerate(self._own.items()):
             # The force is the one on the second geom; one inside the body itself counts twice, and cancels.
-            share = own[geoms[:, 1]] - own[geoms[:, 0]]
-            moments = torques + cross(places - data.xpos[body], forces)
-            found[body] = np.concatenate([share @ forces, share @ moments])
+            share = (own[geoms[:, 1]] - own[geoms[:, 0]])[:, None]
+            moments = torques + cross(places - origins[:, index], forces)
+            yield body, np.hstack([share * forces, share * moments])
+
+    def _integrate(self) -> None:
+        """Add to the impulses what waits for it."""
+        if not self._added:
+            return
+        counts = [len(contacts[0]) for _, _, contacts in self._added]
+        frames = np.repeat([frame for frame, _, _ in self._added], counts)
+        seconds = np.repeat([time for _, time, _ in self._added], counts)[:, None]
+        for body, wrenches in self._each([contacts for _, _, contacts in self._added]):
+            np.add.at(self._impulses[body], frames, seconds * wrenches)
+        self._added.clear()
+
+    def _of_grips(self, model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[int, FloatArray]]:
+        """The bodies that grips hold, each with the (6,) present force and torque about its origin of one of them."""
         for grip in self._grips:
             force = grip.force(data)
             for site, given in zip(grip.sites, (force, -force)):
-                for body in welded(model, int(model.site_bodyid[site])) & found.keys():
-                    found[body][:3] += given
-                    found[body][3:] += cross(data.site_xpos[site] - data.xpos[body], given)
-        return found
+                for body in welded(model, int(model.site_bodyid[site])) & self._own.keys():
+                    yield body, np.append(given, cross(data.site_xpos[site] - data.xpos[body], given))

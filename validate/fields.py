@@ -7,8 +7,8 @@ path                                           field, in MuJoCo's units
 ``option.wind.x`` (``.y``, ``.z``)             wind, m/s
 ``option.density``, ``option.viscosity``       of the surrounding medium
 ``option.impratio``                            friction against normal stiffness of contacts
-``option.solref.time``                         time constant of every contact, s, critically damped, with an
-                                               impedance (solimp) of at least MuJoCo's default, 0.9 and 0.95;
+``option.solref.time``                         time constant of every contact and equality, s, critically damped, with
+                                               an impedance (solimp) of at least MuJoCo's default, 0.9 and 0.95;
                                                the time step is half of it at most
 ``body.NAME.mass``                             mass, kg
 ``body.NAME.inertia.x`` (``.y``, ``.z``)       principal moments of inertia, kg m^2
@@ -154,10 +154,14 @@ def _set_option(model: mujoco.MjModel, path: tuple[str, ...], value: float) -> N
 
 
 def _set_stiffness(model: mujoco.MjModel, written: str, time: float) -> None:
-    """Set the time constant of all contacts."""
+    """Set the time constant of all contacts and equalities."""
     if not time > 0.0:
         raise ModelError(f"{written}: a time is above 0, and {time:g} is not")
-    for solref, solimp in ((model.geom_solref, model.geom_solimp), (model.pair_solref, model.pair_solimp)):
+    for solref, solimp in (
+        (model.geom_solref, model.geom_solimp),
+        (model.pair_solref, model.pair_solimp),
+        (model.eq_solref, model.eq_solimp),
+    ):
         solref[:] = time, 1.0
         # A small impedance makes contacts soft whatever the time: as stiff as MuJoCo's own ones at least.
         solimp[:, :2] = np.maximum(solimp[:, :2], _IMPEDANCE)

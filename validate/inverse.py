@@ -191,7 +191,7 @@ def _held(
 
 
 def _only(chosen: np.ndarray, force: FloatArray) -> FloatArray:
-    """The same vector with zeros at all other places."""
+    """The chosen entries of a force; all others are zero."""
     found = np.zeros_like(force)
     found[chosen] = force[chosen]
     return found

@@ -83,6 +83,10 @@ DRIFT_FLOOR: Final[ByMethod] = {"hermite-simpson": 1e-6, "trapezoidal": 1e-4, "c
 #: Largest share of its torque that the feedback may supply to an actuator.
 FEEDBACK_SHARE: Final[ByMethod] = {"hermite-simpson": 5e-3, "trapezoidal": 1e-1, "central": 1e-1}
 
+#: An actuator that the motion uses less than this share of what it uses most is judged as if it used so much, and the
+#: regulator, which spends as it is judged, steers with it accordingly.
+HARDLY_USED: Final = 1e-3
+
 #: From this growth of small errors on, a motion counts as unstable: open-loop drift then says more about the
 #: system than about the solution, and the residual and the tracked replay judge instead.
 UNSTABLE_GROWTH: Final = 20.0

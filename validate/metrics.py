@@ -50,7 +50,7 @@ class Metric:
         return "pass" if good else "fail"
 
     def without_limit(self) -> Metric:
-        """The same number for information only."""
+        """This metric without a limit, for information only."""
         return replace(self, limit=None)
 
     def to_dict(self) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from stc.solution import Solution
 from stc.trajectory import curves, horner
 from stc.validate.metrics import FloatArray
 from stc.validate.rotations import normalised, rotation_between, turned
-from stc.validate.signals import in_steps, node_value
+from stc.validate.signals import node_value, steps_at
 from stc.validate.ties import Orientation, Source, Tie
 
 if TYPE_CHECKING:
@@ -70,7 +70,10 @@ class Reference:
         return [self._on_sphere(found[0]), *found[1:]]
 
     def at(self, part: str, index: int) -> list[FloatArray]:
-        """The same at a node, (p,) and (v,): ``before`` or ``after`` a frame, or ``mid`` of a step."""
+        """Positions (p,), velocities and, where known, accelerations (v,) at a node.
+
+        The node is ``before`` or ``after`` a frame, or ``mid`` of a step.
+        """
         found = [
             np.array([node_value(orders[order], part, index) for orders, order in sources])
             for sources in self._sources
@@ -78,14 +81,15 @@ class Reference:
         return [self._on_sphere(found[0]), *found[1:]]
 
     def at_times(self, times: FloatArray) -> list[FloatArray]:
-        """The same at times within the motion, in seconds (m,): (m, p) and (m, v); at a jump, what is after it."""
+        """Positions (m, p), velocities and, where known, accelerations (m, v) at times within the motion (m,), s.
+
+        At a jump they are the values after it.
+        """
         if len(self._time) == 1:
             return [np.tile(values, (len(times), 1)) for values in self.at("after", 0)]
-        found = [np.zeros((len(times), len(sources))) for sources in self._sources]
-        for step, mine, shares in in_steps(self._time, times):
-            for values, part in zip(found, self.in_step(step, shares)):
-                values[mine] = part
-        return found
+        steps, shares = steps_at(self._time, times)
+        found = [horner([c[steps] for c in powers], shares[:, None]) for powers in self._coefficients]
+        return [self._on_sphere(found[0]), *found[1:]]
 
     @property
     def extent(self) -> float:
@@ -121,7 +125,7 @@ class Reference:
         return found
 
     def _on_sphere(self, positions: FloatArray) -> FloatArray:
-        """The same positions (..., p) with quaternions of length one, in place."""
+        """Scale the quaternions among positions (..., p) to length one, in place."""
         for place, _ in self._turning:
             positions[..., place] = normalised(positions[..., place])
         return positions

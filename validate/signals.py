@@ -11,7 +11,7 @@ At a jump the step to the left uses the value before it and the step to the righ
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,26 +51,19 @@ class Signals:
         """Values at times within the motion, in seconds (m,): (m, k); at a jump, those after it."""
         if len(self._time) == 1:
             return np.tile(self.at("after", 0), (len(times), 1))
-        found = np.zeros((len(times), len(self)))
-        for step, mine, shares in in_steps(self._time, times):
-            found[mine] = self.in_step(step, shares)
-        return found
+        steps, shares = steps_at(self._time, times)
+        return horner([c[steps] for c in self._coefficients], shares[:, None])
 
 
-def in_steps(frames: FloatArray, times: FloatArray) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
-    """The steps that contain some times, each with the indices of its times and their shares of the step.
+def steps_at(frames: FloatArray, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+    """The steps that contain some times, (m,), and the shares of these steps, (m,).
 
     Args:
-        frames: (n+1,) times of the frames, in seconds; without a step, n = 0, there is nothing to find.
+        frames: (n+1,) times of the frames, in seconds; two at least.
         times: (m,) times within them.
     """
-    if len(frames) == 1:
-        return
     steps = np.clip(np.searchsorted(frames, times, side="right") - 1, 0, len(frames) - 2)
-    shares = np.clip((times - frames[steps]) / np.diff(frames)[steps], 0.0, 1.0)
-    for step in np.unique(steps):
-        mine = np.flatnonzero(steps == step)
-        yield int(step), mine, shares[mine]
+    return steps, np.clip((times - frames[steps]) / np.diff(frames)[steps], 0.0, 1.0)
 
 
 def node_value(channel: Channel, part: str, index: int) -> float:

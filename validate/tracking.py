@@ -89,12 +89,12 @@ def regulator(setup: Setup, maps: Linearisation) -> Feedback | None:
 
 
 def _control_scales(setup: Setup) -> FloatArray:
-    """(m,) the largest value of each control along the motion; one that is never used gets the largest."""
+    """(m,) the largest value of each control along the motion, and as much of the largest one of all as it is judged by
+    at least; 1 where no control is used.
+    """
     largest = np.array([max(np.abs(c.before).max(), np.abs(c.after).max()) for c in setup.controls.channels])
-    if not len(largest):
-        return largest
-    top = float(largest.max()) or 1.0
-    return np.where(largest > 1e-3 * top, largest, top)
+    top = float(largest.max(initial=0.0))
+    return np.maximum(largest, limits.HARDLY_USED * top) if top else np.ones(len(largest))
 
 
 def _riccati(maps: Linearisation, scales: FloatArray) -> FloatArray | None:

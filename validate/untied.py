@@ -88,7 +88,7 @@ class UntiedMotion:
         return self._starts[index]
 
     def in_step(self, step: int, shares: FloatArray) -> list[State]:
-        """The same at shares of a step, which increase."""
+        """Positions and velocities at increasing shares of a step."""
         state, share, found = self._starts[step], 0.0, []
         for target in shares:
             state = self._advance(step, state, share, float(target))

@@ -275,7 +275,7 @@ def _track(found: Replays, time_step: float, integrator: str) -> ContactMeter | 
 
 
 def _judge(replays: Replays, statements: Sequence[StatementCheck], claims: Claims) -> Report:
-    """The report without warnings and wall time."""
+    """The report from finished replays; warnings and the wall time are added by the caller."""
     import mujoco
 
     setup, motion = replays.setup, replays.open_loop
@@ -410,16 +410,15 @@ def _tracked_metrics(replays: Replays, force: float) -> list[Metric]:
     largest = float(tracked.total.max(initial=0.0))
     # Where no motor does anything the motion is made by what is there without them, gravity for one.
     units, passive = strengths(setup), force * setup.solution.duration
-    idle = float((tracked.total * units).max(initial=0.0)) < 1e-3 * passive
+    idle = float((tracked.total * units).max(initial=0.0)) < limits.HARDLY_USED * passive
     held, corrected = contact_effort(setup), _corrected(replays, tracked)
     for name, feedback, total, unit, given in zip(
         setup.controls.names, corrected, tracked.total, units, held
     ):
-        # An actuator that the motion hardly uses is measured against the strongest one's thousandth part, and one on a
-        # joint that the ground holds against what the ground gives.
-        base = max(
-            float(total), float(given), 1e-3 * (passive / float(unit) if idle and unit > 0.0 else largest)
-        )
+        # An actuator that the motion hardly uses is measured against a share of the strongest one, and one on a joint
+        # that the ground holds against what the ground gives.
+        most = passive / float(unit) if idle and unit > 0.0 else largest
+        base = max(float(total), float(given), limits.HARDLY_USED * most)
         share = float(feedback) / base if base > 0.0 else 0.0
         metrics.append(Metric("feedback share", f"actuator {name}", share, "share", share_limit))
     return metrics

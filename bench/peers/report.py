@@ -82,7 +82,9 @@ def overview(measured: Sequence[Measured]) -> str:
         cells += [_milliseconds(cost(ours)) if ours.cpu else ours.failure, str(ours.iterations) + _mark(ours)]
         elsewhere = _fastest_elsewhere(rows, ours) if best is None else None
         if best is None and elsewhere is None:
-            cells += ["none", "", "", ""]
+            rivals = [one for one in rows if one is not ours and contender(one.contender).same]
+            why = dict.fromkeys(one.failure for one in rivals if one.failure)
+            cells += ["; ".join(why) or "none", "", "", ""]
         elif elsewhere is not None:
             cells += [f"{elsewhere.contender} (another optimum)", _milliseconds(elsewhere.least)]
             cells += [str(elsewhere.iterations), f"({elsewhere.least / ours.least:.2g})" if ours.cpu else ""]

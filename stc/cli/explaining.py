@@ -67,6 +67,7 @@ def run(motion: str, model: str, output: str | None, *, search_time: float, as_j
                 "noise": explanation.noise,
                 "stationarity": explanation.stationarity,
                 "shares": explanation.shares,
+                "ranges": explanation.ranges,
                 "stances": explanation.stances,
                 "notes": explanation.notes,
                 "validation": None if certificate is None else certificate.to_dict(),
@@ -82,12 +83,23 @@ def run(motion: str, model: str, output: str | None, *, search_time: float, as_j
     return GOOD if good else BAD
 
 
+def _ranges(explanation: Explanation) -> list[tuple[str, str]]:
+    """The bounds of the shares: of the terms of the objective, and of others that may have one."""
+    told = [
+        f"{name} {100 * low:.3g} to {100 * high:.3g} %"
+        for name, (low, high) in explanation.ranges.items()
+        if name in explanation.shares or name in explanation.unsure
+    ]
+    return [("likely shares", ", ".join(told))] if told else []
+
+
 def _show(explanation: Explanation, source: Path, path: Path) -> None:
     """How close the proposal comes."""
     shares = ", ".join(f"{name} {100 * share:.3g} %" for name, share in explanation.shares.items())
     noise = f"noise of the recording: {explanation.noise:.1g}"
     rows = [
         ("objective", shares or "distance from the recorded motion"),
+        *_ranges(explanation),
         ("explained", f"{100 * explanation.explained:.2f} % of the motion's way"),
         ("joints", f"{explanation.joints:.2g} rad or m RMS from the recorded motion; {noise}"),
     ]

@@ -113,23 +113,37 @@ def starter(name: str, path: Path) -> str:
         raise UsageError(f"the model `{name}` has no joints: there is nothing to move")
     model = f'"{_written(name, path)}"{words}'
     solved = text = ""
+    others: list[str] = []
     for pages, seconds in ((_that_hold, _SECONDS_TO_HOLD), (_that_let_go, _SECONDS)):
         end = time.thread_time() + seconds
         for page in pages(mechanism):
             left = min(_SECONDS, end - time.thread_time())
             if text and left < _LEAST * seconds:
+                others.append(f"{page.title}: not tried, since the others took long")
                 break
             text = _text(page, mechanism, path, name, model)
             fate = _tried(text, path, left)
             if not fate:
-                return text
+                return _with_others(text, others)
+            others.append(f"{page.title}: {fate}")
             if fate == _LARGE and left == _SECONDS:
                 return solved or _LARGE.format(seconds=_SECONDS) + text
             if fate not in (_UNSOLVED, _LARGE):
                 solved = (
                     solved or f"# The solve ends optimal, and the motion fails in MuJoCo: {fate}.\n{text}"
                 )
+        if not others:
+            others.append("holds a pose: none was found in which motors and ground carry it")
     return solved or f"# Within {_SECONDS:g} s of processor time it was not solved.\n{text}"
+
+
+def _with_others(text: str, others: Sequence[str]) -> str:
+    """A page that says at its top what else was tried, as asking more of the model, and what became of that."""
+    if not others:
+        return text
+    title, rest = text.split("\n", 1)
+    lines = ["# More was asked of it at first:", *(f"#   {other}" for other in others)]
+    return "\n".join([title, *lines, rest])
 
 
 def _completed(file: Path) -> tuple[Mechanism, str]:
@@ -246,9 +260,12 @@ class _Pages:
             if self.held:  # what falls may fall on something
                 yield self._page("holds a pose with the least effort", 0.1)
         elif mechanism.actuators and "contact" not in mechanism.options.disabled:
-            level = stance.lowest(_LEVEL)
-            if level and stance.balances(level) and stance.holds(stance.start, level):
-                yield self._standing("stands still", level, inside)
+            # A chassis that carries wheels may stand on them alone, or on a caster as well.
+            for whole in (False, True):
+                level = stance.lowest(_LEVEL, whole)
+                if level and stance.balances(level) and stance.holds(stance.start, level):
+                    yield self._standing("stands still", level, inside)
+                    break
             balanced, near = self._balanced()
             if balanced is not None and stance.holds(balanced, near):
                 yield self._standing("stands still", near, stance.changes(balanced))
@@ -351,8 +368,9 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
             ]
             lines += [f"# variables: u;   forces: {joint}: u;   replay: apply {joint} = u;"]
     settings = []
-    if page.feet and _gives_way(mechanism):
-        settings += ["  # the model's contacts give way; those of this page are rigid"]
+    links = any(equality.active for equality in mechanism.equalities)
+    if links or (page.feet and _gives_way(mechanism)):
+        settings += ["  # contacts and links of the model give way; those of this page are rigid"]
         settings += [f"  set option.solref.time = {_STIFF:g};"]
     if page.feet and mechanism.options.impratio < _NO_CREEP:
         settings += ["  # feet of the model creep; those of this page stand"]

@@ -63,7 +63,7 @@ def load(key: str) -> bytes | None:
 
 
 def load_from(folder: Path, key: str) -> bytes | None:
-    """The same from another folder, which is not the user's."""
+    """The object code of a key in some folder; None if the folder does not hold it undamaged."""
     try:
         # Path.read_bytes takes three times as long.
         with open(f"{folder}/{key}{SUFFIX}", "rb", buffering=0) as file:  # noqa: PTH123
@@ -97,7 +97,7 @@ def store(key: str, code: bytes) -> bool:
 
 
 def store_in(folder: Path, key: str, code: bytes) -> bool:
-    """The same in a folder that exists, however much there is in it."""
+    """Store object code in an existing folder without limiting its size; returns whether it could be written."""
     import tempfile  # takes longer to import than to find what is kept
 
     temporary: Path | None = None

@@ -89,7 +89,7 @@ def llvm_wanted() -> bool:
 
 @lru_cache(maxsize=1)
 def _compiler() -> str | None:
-    """What tells the installed llvmlite, which brings its LLVM along, from others; None without one."""
+    """A text that identifies the installed llvmlite and the LLVM in it; None if it is not installed."""
     found = find_spec("llvmlite")
     if found is None or not found.origin:
         return None
@@ -265,7 +265,7 @@ def _linker() -> Any:
 
 
 def kept(key: str, symbol: str) -> Code | None:
-    """What the cache has under a key, loaded; None if it has nothing that can be."""
+    """Load the entry of the cache under a key; None if there is none that can be loaded."""
     code = cache.load(key)
     if code is not None:
         with contextlib.suppress(RuntimeError):  # whole by its checksum, and yet not linkable: to be replaced

@@ -124,7 +124,7 @@ class Kernel:
         out: FloatArray,
         kept: FloatArray | None,
     ) -> tuple[FloatArray, FloatArray, IndexArray, FloatArray, FloatArray]:
-        """All of them, if they are as they should be."""
+        """The given arrays after a check of their types and shapes; ``kept`` is an empty array if there is none."""
         tape, runs, width = self.tape, self.runs.count, self.runs.kept_width
         if kept is None:
             kept = _NOTHING

@@ -61,13 +61,13 @@ class Runs:
         return f"{RUN} {self.count} {' '.join(map(str, self.places))} kept {self.kept} {self.kept_width}"
 
     def kept_rows(self, tape: Tape) -> dict[int, int]:
-        """Which output of the other kernel each input is that comes from there: slot -> number."""
+        """For each input slot that holds an output of the values kernel: the number of that output."""
         own = len(self.places)
         return {tape.n_uniform + v: self.kept + v - own for v in range(own, tape.n_varying)}
 
 
 class Copies:
-    """What is copied to the end of the workspace, from ``start`` on: runs, each once whoever reads it."""
+    """The runs that are copied to the end of the workspace, from ``start`` on, each once."""
 
     def __init__(self, start: int) -> None:
         self._start = start
@@ -79,7 +79,7 @@ class Copies:
         return self._start + RUN * len(self._places)
 
     def place(self, run: tuple[int, ...]) -> int:
-        """Where the copy of a run begins: its numbers' own positions, -1 for none."""
+        """The position of the copy of a run, which is given by the positions of its numbers, -1 for none."""
         return self._places.setdefault(run, self.end)
 
     def tables(self, runs: Iterable[tuple[int, ...]]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

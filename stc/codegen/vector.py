@@ -50,7 +50,7 @@ class Vector:
         return self.let(f"load {self.f}, ptr {self.pointer(base, self.size * place)}, align {self.size}")
 
     def store(self, value: str, base: str, place: int) -> None:
-        """Write there."""
+        """Write a vector to a place of a list of vectors."""
         pointer = self.pointer(base, self.size * place)
         self.lines.append(f"  store {self.f} {value}, ptr {pointer}, align {self.size}")
 

@@ -73,10 +73,14 @@ FLAGS = [
 #: Products and sums are rounded as they are written, so that results are the same on all processors, but for inner
 #: loops, where they are contracted to multiply-adds.
 CONTRACTED = {
-    "chain_elimination", "chain_panel", "chain_rows", "chain_solve", "chain_substitution", "conditions",
-    "elastic", "gather", "lane_panel", "lane_rows", "lane_runs", "lanes", "numeric", "points",
-    "segmented_parts", "segmented_passes", "step", "values", "window",
-}  # fmt: skip
+    "batch",
+    "conditions",
+    "elastic",
+    "gather",
+    "numeric",
+    "points",
+    "step",
+}
 TRIAL = """#include <math.h>
 typedef double lanes __attribute__((vector_size(16)));
 int main(int n, char **a) {

@@ -17,22 +17,24 @@ typedef struct {
     double *at;       /* the lower triangle by columns; the rest is not read */
     double *factor;   /* the columns of L of those that are eliminated */
     int32_t stride, size;
+    int32_t end;      /* whole vectors that the rows are in */
     int32_t summed;   /* columns that may be eliminated, the first ones */
     int32_t eliminated;
+    int32_t pending;  /* how many of them are still to be subtracted from what is left */
     int32_t *index;   /* position of each unknown */
     double *inverse;  /* D^-1 of its pivots */
     uint8_t *kind;
     double *panel;    /* L D of a panel, by rows of so many numbers as the stride; then two columns */
-    double threshold, largest;
+    double threshold;
     const int32_t *order;
     int32_t variables;
     int64_t positive, negative, zero, pairs;
 } front;
 
-/* columns -= L D L^T of the panel, for columns from `from` on: panels of `count` pivots that begin at column `begin`. */
+/* c - L D L^T of `count` pivots of the panel, in V vectors of rows and some columns: to columns that are `apart`. */
 #define ACCUMULATE(V)                                                                                              \
     static inline void tile_##V(const double *restrict l, const double *restrict w, int32_t count, int32_t stride,  \
-                                double *restrict c) {                                                              \
+                                const double *c, double *to, int32_t apart) {                                      \
         lanes sum[V][TILE_COLUMNS];                                                                                \
         _Pragma("GCC unroll 8") for (int j = 0; j < TILE_COLUMNS; j++)                                             \
             _Pragma("GCC unroll 8") for (int v = 0; v < V; v++)                                                    \
@@ -49,7 +51,7 @@ typedef struct {
         }                                                                                                          \
         _Pragma("GCC unroll 8") for (int j = 0; j < TILE_COLUMNS; j++)                                             \
             _Pragma("GCC unroll 8") for (int v = 0; v < V; v++)                                                    \
-                *(lanes *)(c + (int64_t)j * stride + v * LANES) = sum[v][j];                                        \
+                *(lanes *)(to + (int64_t)j * apart + v * LANES) = sum[v][j];                                        \
     }
 ACCUMULATE(1)
 ACCUMULATE(2)
@@ -58,38 +60,56 @@ ACCUMULATE(3)
 ACCUMULATE(4)
 #endif
 
-static void subtract_panel(front *f, int32_t begin, int32_t count, int32_t from) {
-    int32_t stride = f->stride, first = from - from % TILE_COLUMNS;
-    const double *l = f->factor + (int64_t)begin * stride;
+/* The same for so many rows, or whole vectors of them. */
+static inline void subtract_rows(const double *l, const double *w, int32_t count, int32_t stride, const double *c, double *to,
+                                 int32_t apart, int32_t rows) {
+    int32_t i = 0;
+    for (; i + TILE_VECTORS * LANES <= rows; i += TILE_VECTORS * LANES) {
+#if TILE_VECTORS == 4
+        tile_4(l + i, w, count, stride, c + i, to + i, apart);
+#elif TILE_VECTORS == 3
+        tile_3(l + i, w, count, stride, c + i, to + i, apart);
+#else
+        tile_2(l + i, w, count, stride, c + i, to + i, apart);
+#endif
+    }
+    for (; i + 2 * LANES <= rows; i += 2 * LANES) tile_2(l + i, w, count, stride, c + i, to + i, apart);
+    for (; i < rows; i += LANES) tile_1(l + i, w, count, stride, c + i, to + i, apart);
+}
+
+/* Subtract the panel of the last `count` pivots from all columns that are left. */
+static void subtract_panel(front *f, int32_t count) {
+    int32_t stride = f->stride, from = f->eliminated, first = from - from % TILE_COLUMNS;
+    const double *l = f->factor + (int64_t)(from - count) * stride;
     /* Columns before `from` in the first tile are factors already. */
     for (int32_t p = 0; p < count; p++)
         for (int32_t j = first; j < from; j++) f->panel[j + (int64_t)p * stride] = 0.0;
     for (int32_t j = first; j < f->size; j += TILE_COLUMNS) {
-        const double *w = f->panel + j;
         int32_t i = j - j % LANES;
-        double *c = f->at + (int64_t)j * stride;
-        for (; i + TILE_VECTORS * LANES <= stride; i += TILE_VECTORS * LANES) {
-#if TILE_VECTORS == 4
-            tile_4(l + i, w, count, stride, c + i);
-#elif TILE_VECTORS == 3
-            tile_3(l + i, w, count, stride, c + i);
-#else
-            tile_2(l + i, w, count, stride, c + i);
-#endif
-        }
-        for (; i + 2 * LANES <= stride; i += 2 * LANES) tile_2(l + i, w, count, stride, c + i);
-        for (; i < stride; i += LANES) tile_1(l + i, w, count, stride, c + i);
+        double *c = f->at + (int64_t)j * stride + i;
+        subtract_rows(l + i, f->panel + j, count, stride, c, c, stride, f->end - i);
+    }
+}
+
+/* What the front leaves, after the last pivots, to columns that are `apart`: whole vectors and tiles are written. */
+static void leave(const front *f, double *to, int32_t apart) {
+    int32_t stride = f->stride, taken = f->eliminated, count = f->pending, size = f->size - taken;
+    const double *l = f->factor + (int64_t)(taken - count) * stride + taken;
+    for (int32_t j = 0; j < size; j += TILE_COLUMNS) {
+        int32_t i = j - j % LANES;
+        const double *c = f->at + (int64_t)(taken + j) * stride + taken + i;
+        subtract_rows(l + i, f->panel + taken + j, count, stride, c, to + (int64_t)j * apart + i, apart, size - i);
     }
 }
 
 /* Column c as it is after the pivots of the panel, from row `from` to the end of the front: into `column`.  The largest
  * magnitude below row `from`. */
 static double bring_column(const front *f, int32_t begin, int32_t from, int32_t c, double *restrict column) {
-    int32_t stride = f->stride, count = from - begin, i = from - from % LANES;
+    int32_t stride = f->stride, end = f->end, count = from - begin, i = from - from % LANES;
     const double *l = f->factor + (int64_t)begin * stride, *w = f->panel + c, *given = f->at + (int64_t)c * stride;
     if (c > from) { /* rows above the diagonal are in the columns of theirs */
         for (int32_t j = from; j < c; j++) column[j] = f->at[c + (int64_t)j * stride];
-        for (int32_t j = c; j < stride; j++) column[j] = given[j];
+        for (int32_t j = c; j < end; j++) column[j] = given[j];
         given = column;
     }
     lanes most = {0}, second = {0}, a = *(const lanes *)(given + i);
@@ -98,7 +118,7 @@ static double bring_column(const front *f, int32_t begin, int32_t from, int32_t 
     *(lanes *)(column + i) = a;
     double highest = 0.0;
     for (int k = from - i + 1; k < LANES; k++) highest = fabs(a[k]) > highest ? fabs(a[k]) : highest;
-    for (i += LANES; i + 4 * LANES <= stride; i += 4 * LANES) {
+    for (i += LANES; i + 4 * LANES <= end; i += 4 * LANES) {
         a = *(const lanes *)(given + i);
         lanes b = *(const lanes *)(given + i + LANES);
         lanes d = *(const lanes *)(given + i + 2 * LANES), e = *(const lanes *)(given + i + 3 * LANES);
@@ -117,7 +137,7 @@ static double bring_column(const front *f, int32_t begin, int32_t from, int32_t 
         most = larger_of(larger_of(magnitude_of(a), magnitude_of(b)), most);
         second = larger_of(larger_of(magnitude_of(d), magnitude_of(e)), second);
     }
-    for (; i < stride; i += LANES) {
+    for (; i < end; i += LANES) {
         a = *(const lanes *)(given + i);
         for (int32_t p = 0; p < count; p++)
             a -= *(const lanes *)(l + (int64_t)p * stride + i) * all_of(w[(int64_t)p * stride]);
@@ -166,7 +186,7 @@ static void exchange(front *f, int32_t a, int32_t b, int32_t count) {
 static void take_one(front *f, int32_t k, int32_t p, const double *column, double pivot) {
     double inverse = 1.0 / pivot, *l = f->factor + (int64_t)k * f->stride, *w = f->panel + (int64_t)p * f->stride;
     int32_t i = k - k % LANES;
-    for (; i < f->stride; i += LANES) {
+    for (; i < f->end; i += LANES) {
         lanes c = *(const lanes *)(column + i);
         *(lanes *)(w + i) = c;
         *(lanes *)(l + i) = c * inverse;
@@ -184,7 +204,7 @@ static void take_two(front *f, int32_t k, int32_t p, const double *first, const 
     double over_a = c / determinant, over_b = -b / determinant, over_c = a / determinant;
     int64_t stride = f->stride;
     double *l = f->factor + k * stride, *w = f->panel + p * stride, *m = l + stride, *v = w + stride;
-    for (int32_t i = k - k % LANES; i < f->stride; i += LANES) {
+    for (int32_t i = k - k % LANES; i < f->end; i += LANES) {
         lanes x = *(const lanes *)(first + i), y = *(const lanes *)(second + i);
         *(lanes *)(w + i) = x;
         *(lanes *)(v + i) = y;
@@ -222,17 +242,17 @@ static void eliminate(front *f) {
     for (;;) {
         int32_t k = f->eliminated, count = k - begin;
         if (count >= PANEL - 1 || k == limit) {
-            if (count && k < f->size) subtract_panel(f, begin, count, k);
+            f->pending = count;
+            if (k == f->summed || (k == limit && k == refused)) return;
+            if (count) subtract_panel(f, count);
             begin = k;
             count = 0;
-            if (k == f->summed || (k == limit && k == refused)) return;
             if (k == limit) { /* those that were refused, once more */
                 limit = f->summed;
                 refused = -1;
             }
         }
         double beside = bring_column(f, begin, k, k, column), d = column[k];
-        if (beside > f->largest) f->largest = beside;
         if (fabs(d) <= NOTHING && beside <= NOTHING) {
             int variable = f->order[f->index[k]] < f->variables;
             memset(column + k, 0, sizeof(double) * (size_t)(stride - k));

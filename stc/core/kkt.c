@@ -39,7 +39,7 @@ int arena_reserve(arena *a, int64_t room, int64_t kept) {
     return 0;
 }
 
-static void arena_free(arena *a) {
+void arena_free(arena *a) {
 #if defined(_WIN32)
     _aligned_free(a->at);
 #else
@@ -195,7 +195,7 @@ static int make_plan(kkt *s) {
     double *magnitude = array(s->entries, sizeof(double));
     forget_plan(s);
     if (magnitude && !graph_of(s, &g) && !magnitudes(s, magnitude))
-        s->plan = plan_new(&g, s->entries, s->one, s->other, magnitude, s->n, s->stage, s->weak);
+        s->plan = plan_new(&g, s->entries, s->one, s->other, magnitude, s->n, s->stage, s->weak, 1);
     free(g.start); free(g.index); free(g.entry); free(magnitude);
     if (!s->plan) return -1;
     s->fronts = array(s->plan->fronts, sizeof(factored));

@@ -34,6 +34,9 @@ enum {
     KKT_NO_MEMORY = 3,
 };
 
+/* The relative residual that refinement ends at while rows are far off; near a solution, callers ask for less. */
+#define COARSE 1e-10
+
 /* The sparsity: every entry of J and of the lower triangle of H once.  K may be what the elimination of other unknowns has
  * left: entries of H may then couple rows as well, numbered from n on, as if H were of size n + m. */
 typedef struct {

@@ -66,6 +66,17 @@ static void equilibrate(kkt *s) {
     }
 }
 
+/* 0, or not a number where one of `count` numbers is not finite. */
+static double check_of(const double *x, int64_t count) {
+    lanes sum = {0};
+    int64_t i = 0;
+    double found = 0.0;
+    for (; i + LANES <= count; i += LANES) sum += *(const lanes *)(x + i) * all_of(0.0);
+    for (; i < count; i++) found += x[i] * 0.0;
+    for (int lane = 0; lane < LANES; lane++) found += sum[lane];
+    return found;
+}
+
 /* Values of H, J, p and d to their places, not scaled yet. */
 void load_values(kkt *s, int *finite) {
     const double *hess = s->arrays.hess, *jac = s->arrays.jac - s->hess_count;
@@ -77,12 +88,12 @@ void load_values(kkt *s, int *finite) {
         check += value * 0.0;
         s->diagonal[k] = value;
     }
+    const double *const given[2] = {hess, jac}; /* chosen without a branch, which nobody could foretell */
     for (int64_t e = 0; e < s->entries; e++) {
         int32_t from = s->ordered_source[e];
-        double value = from < s->hess_count ? hess[from] : jac[from];
-        check += value * 0.0;
-        s->value[e] = value;
+        s->value[e] = given[from >= s->hess_count][from];
     }
+    check += check_of(s->value, s->entries);
     *finite = check == 0.0;
     if (*finite) equilibrate(s);
 }

@@ -23,13 +23,9 @@ static inline int64_t columns_of(int32_t size) { return padded(size); }
  * so many on average, else one by one. */
 #define LONG_RUN 12
 
-/* Whole vectors from column j of a lower triangle on: what is above its diagonal is never read. */
-static inline void clear_column(double *to, int32_t from, int32_t stride) {
-    for (int32_t i = from - from % LANES; i < stride; i += LANES) *(lanes *)(to + i) = (lanes){0};
-}
-
-static inline void copy_column(double *restrict to, const double *restrict given, int32_t from, int32_t size) {
-    for (int32_t i = from - from % LANES; i < size; i += LANES) *(lanes *)(to + i) = *(const lanes *)(given + i);
+/* Whole vectors of rows from `from` to before `end`: what is above the diagonal, or beyond the last row, is never read. */
+static inline void clear_rows(double *to, int32_t from, int32_t end) {
+    for (int32_t i = from; i < end; i += LANES) *(lanes *)(to + i) = (lanes){0};
 }
 
 #if defined(__AVX512F__)
@@ -67,9 +63,12 @@ static void add_contribution(double *restrict at, int64_t stride, const double *
 /* Add what a child has left, `place` saying where each of its unknowns is; `runs` is work space. */
 static void add_contribution(double *restrict at, int64_t stride, const double *restrict given, const contribution *c,
                              const int32_t *restrict place, int32_t *restrict runs) {
-    int32_t size = c->size, count = 0;
-    for (int32_t i = 0; i < size; i++)
-        if (i == 0 || place[i] != place[i - 1] + 1) runs[count++] = i;
+    int32_t size = c->size, count = 1;
+    runs[0] = 0;
+    for (int32_t i = 1; i < size; i++) { /* without a branch, which nobody could foretell */
+        runs[count] = i;
+        count += place[i] != place[i - 1] + 1;
+    }
     runs[count] = size;
     if (size < LONG_RUN * count) {
         for (int32_t j = 0; j < size; j++) {
@@ -93,11 +92,17 @@ static void add_contribution(double *restrict at, int64_t stride, const double *
 }
 #endif
 
+/* Make all of a front zero that may be read. */
+static void clear(const front *f) {
+    for (int32_t j = 0; j < f->size; j++) clear_rows(f->at + (int64_t)j * f->stride, j - j % LANES, f->end);
+}
+
 /* Where a front and what it leaves go: enough room for all of it, or -1. */
 static int reserve(kkt *s, int32_t size, int32_t summed, int64_t factors_used, int64_t stack_used, int64_t index_used) {
     int64_t stride = stride_of(size), all = stride * columns_of(size);
-    if (arena_reserve(&s->factors, factors_used + stride * summed, factors_used)) return -1;
-    if (arena_reserve(&s->front, all, 0)) return -1;
+    /* Vectors and tiles of what a front leaves begin anywhere, and reach beyond its last row and column. */
+    if (arena_reserve(&s->factors, factors_used + stride * summed + LANES, factors_used)) return -1;
+    if (arena_reserve(&s->front, all + TILE_COLUMNS * stride + LANES, 0)) return -1;
     if (arena_reserve(&s->stack, stack_used + all, stack_used)) return -1;
     if (arena_reserve(&s->panel, (PANEL + 2) * stride, 0)) return -1;
     if (index_used + size > s->index_room) {
@@ -151,6 +156,7 @@ int64_t factorize_all(kkt *s, int needed) {
         f.factor = s->factors.at + factors_used;
         f.stride = stride;
         f.size = size;
+        f.end = (size + LANES - 1) / LANES * LANES;
         f.summed = delayed + own;
         f.eliminated = 0;
         f.index = s->index + index_used;
@@ -158,9 +164,9 @@ int64_t factorize_all(kkt *s, int needed) {
         f.kind = s->kind + pivots;
         f.panel = s->panel.at;
         f.threshold = held > WAITING_FREELY + size ? LOWEST_THRESHOLD : s->options.threshold;
-        for (int32_t j = 0; j < columns_of(size); j++) clear_column(f.at + (int64_t)j * stride, j & ~7, stride);
         for (int32_t k = 0; k < own; k++) f.index[delayed + k] = first + k;
         memcpy(f.index + f.summed, p->rows + p->row_start[at], sizeof(int32_t) * (size_t)rows);
+        clear(&f);
         for (int32_t k = 0; k < own; k++) {
             double *column = f.at + (int64_t)(delayed + k) * stride + delayed;
             column[k] = s->diagonal[first + k];
@@ -232,9 +238,7 @@ int64_t factorize_all(kkt *s, int needed) {
             c->index_at = kept->index_at + taken;
             c->front = at;
             c->excess = excess;
-            for (int32_t j = 0; j < c->size; j++)
-                copy_column(s->stack.at + stack_used + (int64_t)j * c->stride, f.at + (int64_t)(taken + j) * stride + taken,
-                            j, c->size);
+            leave(&f, s->stack.at + stack_used, c->stride);
             stack_used += (int64_t)c->stride * c->size;
         }
     }

@@ -32,10 +32,11 @@ typedef struct {
     int64_t entries, operations; /* of L and D, and of the elimination where no pivot is delayed */
 } plan;
 
-/* one, other: the unknowns of every entry, variables before rows; magnitude: of every entry, scaled; weak: unknowns that
- * are no pivots by themselves, as far as is known.  NULL where there is no memory. */
+/* one, other: the unknowns of every entry, variables before rows; magnitude: of every entry, scaled; stage: negative for
+ * unknowns that are not to be eliminated, and make the last front; weak: unknowns that are no pivots by themselves, as far
+ * as is known; matrices: so many are eliminated at once.  NULL where there is no memory. */
 plan *plan_new(const graph *couplings, int64_t entries, const int32_t *one, const int32_t *other, const double *magnitude,
-               int32_t variables, const int32_t *stage, const uint8_t *weak);
+               int32_t variables, const int32_t *stage, const uint8_t *weak, int32_t matrices);
 void plan_free(plan *p);
 
 /* mate[i]: the unknown that i is eliminated together with, or -1.  0, or -1 where there is no memory. */

@@ -14,14 +14,14 @@
 /* What a front takes besides its operations, in operations: for itself, for each of its rows, and for each entry. */
 #define FRONT_COST 600.0
 #define ROW_COST 15.0
-#define ENTRY_COST 2.0
+#define ENTRY_COST 1.0
 
 static void *array(size_t count, size_t size) { return calloc(count + 1, size); }
 
-/* What the elimination of so many of a front's unknowns takes, besides assembling it. */
-static double front_cost(double own, double rows) {
+/* What the elimination of so many of a front's unknowns takes, besides assembling it; of so many matrices at once, each. */
+static double front_cost(double own, double rows, double matrices) {
     double all = own + rows, operations = 0.5 * (own * all * all - own * own * all + own * own * own / 3.0);
-    return FRONT_COST + ROW_COST * all + ENTRY_COST * all * all + operations;
+    return (FRONT_COST + ROW_COST * all) / matrices + ENTRY_COST * all * all + operations;
 }
 
 /* Unite nodes with what they are matched with, leave out those with too many neighbours, and order the rest. */
@@ -139,18 +139,18 @@ static int count_rows(const graph *g, const int32_t *front_of, int32_t *const se
     return failed ? -1 : 0;
 }
 
-static void unite_children(tree *t, int32_t *into) {
+static void unite_children(tree *t, int32_t fronts, double matrices, int32_t *into) {
     /* Children with their parents, where that takes less time: bottom up, the largest children first come last in lists. */
     for (int32_t f = 0; f < t->count; f++) {
         into[f] = f;
-        for (int again = 1; again;) {
+        for (int again = f < fronts; again;) {
             again = 0;
             int32_t before = -1;
             for (int32_t c = t->first_child[f]; c >= 0; before = c, c = t->next_child[c]) {
-                double apart = front_cost(t->own[c], t->rows[c]) + front_cost(t->own[f], t->rows[f]);
+                double apart = front_cost(t->own[c], t->rows[c], matrices) + front_cost(t->own[f], t->rows[f], matrices);
                 /* The child's own contribution is assembled as well. */
                 apart += ENTRY_COST * 0.5 * t->rows[c] * (double)t->rows[c];
-                double together = front_cost(t->own[c] + t->own[f], t->rows[f]);
+                double together = front_cost(t->own[c] + t->own[f], t->rows[f], matrices);
                 if (together > apart) continue;
                 t->own[f] += t->own[c];
                 into[c] = f;
@@ -272,7 +272,7 @@ done:
 }
 
 plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_t *other, const double *magnitude,
-               int32_t variables, const int32_t *given_stage, const uint8_t *weak) {
+               int32_t variables, const int32_t *given_stage, const uint8_t *weak, int32_t matrices) {
     int32_t size = g->size, nodes = 0, fronts = 0;
     size_t n = (size_t)size;
     plan *p = calloc(1, sizeof *p);
@@ -290,7 +290,9 @@ plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_
     memcpy(stage, given_stage, sizeof(int32_t) * n);
     double many = DENSE * sqrt((double)size);
     if (many < MANY) many = MANY;
-    for (int32_t i = 0; i < size; i++) dense[i] = (double)(g->start[i + 1] - g->start[i]) > many;
+    int ends = 0; /* there are unknowns that stay */
+    for (int32_t i = 0; i < size; i++) ends |= stage[i] < 0;
+    for (int32_t i = 0; i < size; i++) dense[i] = ends ? stage[i] < 0 : (double)(g->start[i + 1] - g->start[i]) > many;
     int64_t far = 0;
     for (int64_t e = 0; e < entries; e++)
         far += !dense[one[e]] && !dense[other[e]] && abs(stage[one[e]] - stage[other[e]]) > NEAR;
@@ -331,7 +333,7 @@ plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_
     for (int32_t f = t.count; f > 0; f--) member_start[f] = member_start[f - 1];
     member_start[0] = 0;
     if (count_rows(g, front_of, member, member_start, &t)) goto done;
-    unite_children(&t, into);
+    unite_children(&t, t.count - ends, matrices, into);
     /* Postorder of what is left. */
     p->order = array(n, sizeof *p->order);
     p->position = array(n, sizeof *p->position);

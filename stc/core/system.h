@@ -71,5 +71,6 @@ void solve_system(kkt *s, int both);
 
 /* At least so much room; what is in it stays where `kept` numbers are asked for.  0, or -1. */
 int arena_reserve(arena *a, int64_t room, int64_t kept);
+void arena_free(arena *a);
 
 #endif

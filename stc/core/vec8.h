@@ -95,19 +95,7 @@ INLINE vec8 scaled8(double factor, vec8 v) {
 #undef E
 }
 
-/* a + factor v, a - factor v, a + b c, a - b c */
-INLINE vec8 add_scaled8(vec8 a, double factor, vec8 v) {
-#define E(p) a.part[p] + factor * v.part[p]
-    return EACH(E);
-#undef E
-}
-
-INLINE vec8 sub_scaled8(vec8 a, double factor, vec8 v) {
-#define E(p) a.part[p] - factor * v.part[p]
-    return EACH(E);
-#undef E
-}
-
+/* a + b c, a - b c */
 INLINE vec8 add_product8(vec8 a, vec8 b, vec8 c) {
 #define E(p) a.part[p] + b.part[p] * c.part[p]
     return EACH(E);
@@ -161,21 +149,6 @@ INLINE void prefetch8(const double *x, int64_t k) {
     __builtin_prefetch((const char *)((uintptr_t)x + 8 * (uintptr_t)k), 0, 3);
 }
 
-/* x[k] to x[k + 7] where bits of mask, the lowest first, are 1; 0 elsewhere, where nothing is read. */
-INLINE vec8 masked8(const double *x, int64_t k, int64_t mask) {
-#if defined(__AVX512F__)
-    return (vec8){{(lanes)_mm512_maskz_loadu_pd((__mmask8)mask, x + k)}};
-#elif defined(__AVX2__)
-    const masks bits = {1, 2, 4, 8}, spread = (masks){0} + mask;
-    return (vec8){{(lanes)_mm256_maskload_pd(x + k, (__m256i)((spread & bits) == bits)),
-                   (lanes)_mm256_maskload_pd(x + k + 4, (__m256i)((spread & bits << 4) == bits << 4))}};
-#else
-    double found[8];
-    for (int lane = 0; lane < 8; lane++) found[lane] = mask >> lane & 1 ? x[k + lane] : 0.0;
-    return load8(found, 0);
-#endif
-}
-
 /* The elements of x at places[k] to places[k + 7]: one by one, which is as fast as the instructions for it. */
 INLINE vec8 gather8(const double *x, const int32_t *places, int64_t k) {
 #define AT(lane) x[places[k + (lane)]]
@@ -193,18 +166,22 @@ INLINE void scatter8(double *x, const int32_t *places, int64_t k, vec8 v) {
     for (int lane = 0; lane < 8; lane++) x[places[k + lane]] = v.part[lane / LANES][lane % LANES];
 }
 
+/* Lanes of two vectors of four, the second one's counted on from the first one's. */
+typedef double vec4 __attribute__((vector_size(32), aligned(8), may_alias));
+#define CHOSEN(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+
 /* The largest of the eight; what is no number may be passed over. */
 INLINE double largest8(vec8 v) {
     lanes most = v.part[0];
     for (int p = 1; p < 8 / LANES; p++) most = larger_of(v.part[p], most);
-    double found = most[0];
-    for (int lane = 1; lane < LANES; lane++) found = most[lane] > found ? most[lane] : found;
-    return found;
+#if LANES == 8
+    most = larger_of(most, CHOSEN(most, most, 4, 5, 6, 7, 0, 1, 2, 3));
+    most = larger_of(most, CHOSEN(most, most, 2, 3, 0, 1, 6, 7, 4, 5));
+#elif LANES == 4
+    most = larger_of(most, CHOSEN(most, most, 2, 3, 0, 1));
+#endif
+    return most[1] > most[0] ? most[1] : most[0];
 }
-
-/* Lanes of two vectors of four, the second one's counted on from the first one's. */
-typedef double vec4 __attribute__((vector_size(32), aligned(8), may_alias));
-#define CHOSEN(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 
 /* The sum of the eight, in any order. */
 INLINE double sum8(vec8 v) {
@@ -217,50 +194,6 @@ INLINE double sum8(vec8 v) {
     return (sum[0] + sum[2]) + (sum[1] + sum[3]);
 #else
     return sum[0] + sum[1];
-#endif
-}
-
-/* The sums of eight vectors that follow one another from x + k on: a transposition that adds as it goes. */
-INLINE vec8 sums8(const double *x, int64_t k) {
-#if LANES == 8
-    lanes row[8];
-    for (int i = 0; i < 8; i++) row[i] = loadw(x, k + 8 * i);
-    for (int i = 0; i < 4; i++)
-        row[i] = CHOSEN(row[2 * i], row[2 * i + 1], 0, 8, 2, 10, 4, 12, 6, 14)
-                 + CHOSEN(row[2 * i], row[2 * i + 1], 1, 9, 3, 11, 5, 13, 7, 15);
-    for (int i = 0; i < 2; i++)
-        row[i] = CHOSEN(row[2 * i], row[2 * i + 1], 0, 1, 8, 9, 4, 5, 12, 13)
-                 + CHOSEN(row[2 * i], row[2 * i + 1], 2, 3, 10, 11, 6, 7, 14, 15);
-    return (vec8){{CHOSEN(row[0], row[1], 0, 1, 2, 3, 8, 9, 10, 11)
-                   + CHOSEN(row[0], row[1], 4, 5, 6, 7, 12, 13, 14, 15)}};
-#else
-    double sum[8];
-    for (int i = 0; i < 8; i++) sum[i] = sum8(load8(x, k + 8 * i));
-    return load8(sum, 0);
-#endif
-}
-
-/* gather8 of the places, and of those one, two and three behind: four vectors that follow one another in x, to out at
- * four places.  The four numbers at each place are loaded at once, and transposed. */
-INLINE void spread8(const double *x, const int32_t *places, int64_t k, double *out, int64_t first, int64_t second,
-                    int64_t third, int64_t fourth) {
-    const int64_t to[4] = {first, second, third, fourth};
-#if LANES >= 4
-    for (int half = 0; half < 2; half++) {
-        vec4 row[4], pair[4];
-        for (int lane = 0; lane < 4; lane++) row[lane] = *(const vec4 *)(x + places[k + 4 * half + lane]);
-        for (int i = 0; i < 2; i++) {
-            pair[i] = CHOSEN(row[2 * i], row[2 * i + 1], 0, 4, 2, 6);
-            pair[i + 2] = CHOSEN(row[2 * i], row[2 * i + 1], 1, 5, 3, 7);
-        }
-        for (int i = 0; i < 2; i++) {
-            *(vec4 *)(out + to[i] + 4 * half) = CHOSEN(pair[2 * i], pair[2 * i + 1], 0, 1, 4, 5);
-            *(vec4 *)(out + to[i + 2] + 4 * half) = CHOSEN(pair[2 * i], pair[2 * i + 1], 2, 3, 6, 7);
-        }
-    }
-#else
-    for (int lane = 0; lane < 8; lane++)
-        for (int i = 0; i < 4; i++) out[to[i] + lane] = x[places[k + lane] + i];
 #endif
 }
 

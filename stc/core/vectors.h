@@ -5,6 +5,11 @@
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
+#if defined(__AVX__)
+#include <immintrin.h>
+#elif defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 
 #if defined(__AVX512F__)
 #define LANES 8
@@ -34,9 +39,18 @@ static inline lanes magnitude_of(lanes x) {
     return (lanes)((masks)x & sign);
 }
 
+/* The larger of each two; b where one is not a number. */
 static inline lanes larger_of(lanes a, lanes b) {
+#if defined(__AVX512F__)
+    return (lanes)_mm512_max_pd((__m512d)a, (__m512d)b);
+#elif defined(__AVX__)
+    return (lanes)_mm256_max_pd((__m256d)a, (__m256d)b);
+#elif defined(__SSE2__)
+    return (lanes)_mm_max_pd((__m128d)a, (__m128d)b);
+#else
     masks more = a > b;
     return (lanes)((more & (masks)a) | (~more & (masks)b));
+#endif
 }
 
 /* Round up to whole lines of a cache. */

@@ -74,7 +74,7 @@ class Server(LanguageServer):
         self._thread = ThreadPoolExecutor(1)
 
     async def apart(self, function: Callable[..., T], *arguments: Any) -> T:
-        """What a function returns that takes long, while the server goes on answering."""
+        """Call a slow function on another thread, so that the server goes on answering, and return its result."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, function, *arguments)
 
     def changed(self, uri: str, pause: float) -> None:
@@ -95,7 +95,7 @@ class Server(LanguageServer):
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, found, version))
 
     async def known(self, uri: str) -> tuple[Reading, dict[str, Known]] | None:
-        """What the newest version of a text says, as soon as it has been read."""
+        """The analysis of the newest version of a text, once it is finished."""
         document = self.documents.get(uri)
         while document is not None and document.reader is not None and not document.reader.done():
             await asyncio.wait([document.reader])

@@ -30,6 +30,9 @@ FloatArray = NDArray[np.float64]
 
 #: A motion is explained if its terms leave no more of its way than this share unexplained.
 UNEXPLAINED = 0.1
+#: A share that may be larger or smaller by this factor is unsure, and so is that of a term that was left out and may
+#: have more than the second number.
+UNSURE, NEGLIGIBLE = 1.5, 0.05
 #: Weights of the effort beside the distance of a motion that follows the recorded one, one after the other.
 _LITTLE = (1e-3, 1e-5, 1e-7)
 _ITERATIONS, _FEW = 500, 100
@@ -53,6 +56,9 @@ class Explanation:
         Of the spec.
     shares
         By the name of each term that has a weight, its share of the objective.
+    ranges
+        By the name of each term that was tried, the bounds of its share as far as the recording tells: shares between
+        them lead, with others of the other terms, to motions that differ by less than the noise.
     stationarity
         What is left of the gradient at the motion that follows the recorded one, under the weights that leave least: 0
         for an optimum of the terms, 1 for a motion that none of them explains.
@@ -83,7 +89,18 @@ class Explanation:
     noise: float
     follows: float
     stances: dict[str, list[tuple[int, int]]]
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def unsure(self) -> list[str]:
+        """The terms whose share the recording does not tell: it may be off by a factor, or that of one left out."""
+        found = []
+        for name, (low, high) in self.ranges.items():
+            share = self.shares.get(name, 0.0)
+            if high > max(UNSURE * share, NEGLIGIBLE) or low < share / UNSURE:
+                found.append(name)
+        return found
 
     @property
     def good(self) -> bool:
@@ -172,7 +189,7 @@ class _Explaining:
         (place / f"{TABLE}.csv").write_text(self.table, encoding="utf-8")
 
     def explanation(self, time_limit: float | None) -> Explanation:
-        """All of it, the search for weights within a number of seconds."""
+        """Carry out all stages; the search for weights ends after ``time_limit`` seconds."""
         made = self.made
         self.tell("follows the recorded motion")
         wanted = {term.name: f"w_{term.name}" for term in made.terms}
@@ -183,10 +200,17 @@ class _Explaining:
         self.tell("looks for weights: stationarity")
         shares, self.stationarity = inverse.by_stationarity()
         self.tell("looks for weights: distance")
-        weighed = self._weighed(inverse, shares)
+        weighed, ranges = self._weighed(inverse, shares), {}
         if weighed is not None:
             self.tell("leaves out terms")
-            weighed = inverse.shortened(weighed)
+            every, weighed = weighed, inverse.shortened(weighed)
+            # Slopes change with the weights: both ends of the way are asked.
+            bounds = [
+                inverse.ranges(one, self.recording.noise, len(self.recording.time))
+                for one in (every, weighed)
+            ]
+            low, high = np.minimum(*bounds)[:, 0], np.maximum(*bounds)[:, 1]
+            ranges = dict(zip(wanted, zip(low.tolist(), high.tolist(), strict=True), strict=True))
         cut = clock.is_over
         explained = 0.0 if weighed is None else self._explained(weighed.solution)
         if weighed is None or explained < 1.0 - UNEXPLAINED:
@@ -194,6 +218,13 @@ class _Explaining:
         else:
             self.tell("solves the spec")
             found = self._explanation(inverse, weighed)
+            found.ranges = ranges
+            if found.unsure:
+                found.notes.append(
+                    "the noise of the recording hides how much "
+                    + ", ".join(found.unsure)
+                    + " counts: weights within the ranges lead to motions that differ by less than the noise"
+                )
         if cut:
             found.notes.append(
                 f"the search for weights ended at its time limit of {time_limit:g} s; with more (--search-time) the "

@@ -44,6 +44,8 @@ ITERATIONS = 200
 LEAST = 1e-9
 #: A share below this is none.
 NONE = 1e-3
+#: How often the true shares are outside of their ranges, all of them together, and steps of the search for the ends.
+MISSED, BISECTIONS = 0.05, 12
 #: By how much a motion may become worse by leaving out a term, as a share of its distance; or this distance itself.
 WORSE, CLOSE = 0.05, 5e-4
 
@@ -236,6 +238,60 @@ class Inverse:
                 break
             best, shares = shorter, shorter.shares
         return best
+
+    def ranges(self, best: Weighing, noise: FloatArray, rows: int) -> FloatArray:
+        """(k, 2) between which bounds the shares of all terms are, as far as the recording tells (95 %).
+
+        A share is likely if some shares of the other terms lead to a motion that is hardly farther from the recording,
+        measured by its noise, than the best one (profile likelihood: Pawitan, In all likelihood, 2001, section 3.4).
+        Motions are those that the slopes at the best one predict.
+
+        Parameters
+        ----------
+        best
+            The best weights.
+        noise
+            (len(names),) its standard deviation in each coordinate. What the best motion is off counts as noise, too.
+        rows
+            How often the motion was measured.
+        """
+        from scipy.special import chdtri
+
+        slopes, residual = self._slopes(best), self._residual(best.solution)
+        each = residual.reshape(len(self.names), -1)
+        deviation = np.sqrt(np.maximum(noise**2, 0.0) + np.mean(each**2, axis=1))
+        deviation = np.maximum(deviation, LEAST * max(1.0, float(np.abs(self.target).max())))
+        scale = np.repeat(np.sqrt(rows / each.shape[1]) / deviation, each.shape[1])
+        together = np.column_stack([slopes, slopes @ best.shares - residual]) * scale[:, None]
+        # The ends are stated as the noise has them: what a straight way between others would make up for tells nothing.
+        straight = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, each.shape[1]), 2))[0]
+        together = together.reshape(len(self.names), each.shape[1], -1)
+        together = together - np.einsum("fs,gs,ngk->nfk", straight, straight, together)
+        small = np.linalg.qr(together.reshape(scale.size, -1)).R
+        columns, right = small[:, :-1], small[:, -1]
+
+        def worse(k: int, share: float) -> float:
+            """By how much the squared distance grows if one term has a share, the others being the best for that."""
+            others = np.arange(len(best.shares)) != k
+            left = (1.0 - share) * columns[:, others]
+            found = (
+                _least(left, right - share * columns[:, k]) if share < 1.0 else np.zeros(int(others.sum()))
+            )
+            return float(np.sum((left @ found + share * columns[:, k] - right) ** 2)) - least
+
+        likely = float(chdtri(max(1, len(best.shares) - 1), MISSED))
+        least = float(np.sum((columns @ _least(columns, right) - right) ** 2))
+        found = np.zeros((len(best.shares), 2))
+        for k, share in enumerate(best.shares):
+            for side, end in enumerate((0.0, 1.0)):
+                inside, outside = float(share), end
+                if worse(k, end) <= likely:
+                    inside = end
+                for _ in range(BISECTIONS if inside != end else 0):
+                    middle = 0.5 * (inside + outside)
+                    inside, outside = (middle, outside) if worse(k, middle) <= likely else (inside, middle)
+                found[k, side] = inside
+        return found
 
     def _restricted(self, shares: FloatArray, best: Weighing) -> Weighing | None:
         """The best weights of the terms that have a share: two rounds."""

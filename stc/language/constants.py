@@ -76,8 +76,7 @@ class Constants:
                 self.values[name] = float(overrides[name])
         constants = self.table.of_kind("constant")
         for name in constants:
-            value = self.table.entries[name].value
-            inside = [] if value is None or name in overrides else syntax.names(value)
+            inside = [] if name in overrides else self.table.names_in(name)
             self.needs[name] = [k for k in inside if self.table.kind(k) == "constant"]
             for k in inside:
                 if k in self.table.entries:

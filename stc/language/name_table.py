@@ -32,12 +32,21 @@ class NameTable:
 
     entries: dict[str, Entry] = field(default_factory=dict)
     model: ModelScope | None = None
+    _inside: dict[str, list[str]] = field(default_factory=dict)
 
     def kind(self, name: str) -> str | None:
         """``constant``, ``variable``, ``parameter``, ``definition``, ``data set`` or ``table``; None when nothing
         declares it."""
         entry = self.entries.get(name)
         return None if entry is None else entry.kind
+
+    def names_in(self, name: str) -> list[str]:
+        """The names that occur in the declared value of a name, each once, in the order of the text."""
+        found = self._inside.get(name)
+        if found is None:
+            value = self.entries[name].value
+            found = self._inside[name] = [] if value is None else syntax.names(value)
+        return found
 
     def of_kind(self, kind: str) -> list[str]:
         """All names of a kind, in the order of the text."""

@@ -132,7 +132,7 @@ class _Template(ExpressionParser):
         return found
 
     def _part(self, found: list[_Part], copied: int) -> int:
-        """Read one token or what begins with it; returns up to where characters are accounted for."""
+        """Read one token, or the repetition or braces that it begins; returns where copied text ends."""
         start = self.starts[self.at]
         if self._at_repetition(self.at):
             self.repeats = True

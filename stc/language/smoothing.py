@@ -64,7 +64,7 @@ def _is_between(node: Expr) -> bool:
 
 
 def _cancelled(e: Expr) -> Expr:
-    """The same with V in place of V^2/V and (vx^2 + vy^2)/V, where V is the root of a sum of squares."""
+    """The expression with V in place of V^2/V and (vx^2 + vy^2)/V, where V is the root of a sum of squares."""
     replaced: dict[Expr, Expr] = {}
     for node in postorder([e]):
         if node.op in ("mul", "div"):

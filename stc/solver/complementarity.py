@@ -46,34 +46,34 @@ def by_penalty(
     Args:
         solve: solves a program without.
     """
-    passes = _Passes(nlp, pairs, options, callback, solve)
+    solves = _PenaltySolves(nlp, pairs, options, callback, solve)
     weight = _first_weight(nlp, pairs, start)
     convex = is_convex(Penalised(nlp, pairs, 1.0))
     best: Result | None = None
     for factor in (1.0, FIRST_WEIGHT):
-        for result in _round(passes, factor * weight, start):
-            best = result if best is None or passes.is_better(result, best) else best
-            if passes.ends(result) or (result.status is Status.INFEASIBLE and convex):
-                return passes.of_all(result)  # infeasible whatever the products
+        for result in _round(solves, factor * weight, start):
+            best = result if best is None or solves.is_better(result, best) else best
+            if solves.ends(result) or (result.status is Status.INFEASIBLE and convex):
+                return solves.of_all(result)  # infeasible whatever the products
         assert best is not None
-        if passes.missing(best) <= NEAR:
-            held = passes.held(best)
-            if passes.ends(held):
-                return passes.of_all(held)
+        if solves.missing(best) <= NEAR:
+            held = solves.held(best)
+            if solves.ends(held):
+                return solves.of_all(held)
     assert best is not None
     if best.success:
-        message = UNPAIRED.format(passes.missing(best))
+        message = UNPAIRED.format(solves.missing(best))
         best = replace(best, status=Status.FAILED, message=message)
-    return passes.of_all(best)
+    return solves.of_all(best)
 
 
-def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
-    """The results of passes with growing weights, each from the result of the one before."""
+def _round(solves: _PenaltySolves, weight: float, start: Start) -> Iterator[Result]:
+    """The results of solves with growing weights, each from the result of the one before."""
     last = weight / ACCEPTABLE
     while weight <= last:
-        result = passes.penalised(weight, start)
+        result = solves.penalised(weight, start)
         yield result
-        if not result.success and passes.missing(result) <= ACCEPTABLE:
+        if not result.success and solves.missing(result) <= ACCEPTABLE:
             return  # it is not for want of weight
         if result.success or result.status is Status.ITERATION_LIMIT:
             start = Start(result.x)
@@ -81,8 +81,8 @@ def _round(passes: _Passes, weight: float, start: Start) -> Iterator[Result]:
 
 
 @dataclass(slots=True)
-class _Passes:
-    """Data that all passes share, and the sums of their iterations and times."""
+class _PenaltySolves:
+    """Data that all solves share, and the sums of their iterations and times."""
 
     nlp: NLP
     pairs: Pairs
@@ -136,7 +136,7 @@ class _Passes:
         return self.pairs.residual(self.nlp, result.x)
 
     def of_all(self, result: Result) -> Result:
-        """A result with what all passes have taken."""
+        """A result with what all solves have taken."""
         return replace(
             result, iterations=self.iterations, factorizations=self.factorizations, history=self.history
         )
@@ -189,7 +189,7 @@ def _first_weight(nlp: NLP, pairs: Pairs, start: Start) -> float:
 
 
 def _told(callback: Callback | None, before: int) -> Callback | None:
-    """A callback that counts the iterations of earlier passes."""
+    """A callback that counts the iterations of earlier solves."""
     if callback is None:
         return None
     its = callback

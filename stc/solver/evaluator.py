@@ -25,7 +25,7 @@ __all__ = [
     "status_of",
 ]  # fmt: skip
 
-Places = NDArray[np.int32]
+Indices = NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class Scaling:
         return self.objective * self._columns()
 
     def jacobian(self, rows: Ints, cols: Ints) -> Floats:
-        """Factors of Jacobian entries, (k,), to be read only: the same array whenever the same places are asked for."""
+        """Factors of Jacobian entries, (k,), to be read only: the same array for the same entries."""
         return self._factors(rows, cols, lambda: self.row * self.bounded)
 
     def hessian(self, rows: Ints, cols: Ints) -> Floats:
@@ -90,14 +90,14 @@ class Part:
     """
 
     x: Floats
-    cols: Places
-    rows: Places
-    jac: Places
-    hess: Places
-    jac_rows: Places
-    jac_cols: Places
-    hess_rows: Places
-    hess_cols: Places
+    cols: Indices
+    rows: Indices
+    jac: Indices
+    hess: Indices
+    jac_rows: Indices
+    jac_cols: Indices
+    hess_rows: Indices
+    hess_cols: Indices
 
     @classmethod
     def of(cls, nlp: NLP, x: Floats, variables: Mask, rows: Mask) -> Part:
@@ -112,8 +112,12 @@ class Part:
             new_col[nlp.hess_rows[hess]], new_col[nlp.hess_cols[hess]],
         )  # fmt: skip
 
+    def alike(self, other: Part) -> bool:
+        """Whether another part of the same program has the same variables and rows."""
+        return np.array_equal(self.cols, other.cols) and np.array_equal(self.rows, other.rows)
 
-def _which(wanted: Mask) -> Places:
+
+def _which(wanted: Mask) -> Indices:
     return np.flatnonzero(wanted).astype(np.int32)
 
 

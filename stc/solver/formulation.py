@@ -140,7 +140,7 @@ class Formulation(ABC):
 
     @abstractmethod
     def evaluator(self) -> Evaluator:
-        """Functions and derivatives at fixed places."""
+        """Functions and derivatives at fixed addresses."""
 
     def watch_call(self, it: Iterate, violation: Floats, stated: Floats) -> Bound:
         """The call that notes what the iterate is in the user's terms: the ``violation`` (1,), and the objective,
@@ -149,9 +149,9 @@ class Formulation(ABC):
 
     def violation_call(self, x: Floats, r: Floats, out: Floats) -> Bound:
         """The call that leaves in ``out`` (1,) the largest violation in the user's terms."""
-        row_places, row_limits, row_units, x_places, x_limits, x_units = self.stated_limits
+        row_index, row_limits, row_units, x_index, x_limits, x_units = self.stated_limits
         return function("point_overstepped").bind(
-            row_places.size, row_places, row_limits, row_units, r, x_places.size, x_places, x_limits, x_units, x, out
+            row_index.size, row_index, row_limits, row_units, r, x_index.size, x_index, x_limits, x_units, x, out
         )  # fmt: skip
 
     @cached_property

@@ -114,8 +114,8 @@ class _Loop:
         scale = max(1.0, work.it.theta)
         s.small_theta, s.tiny = SMALL_VIOLATION * scale, 0
         work.filter.restart(self.tactics.largest_theta * scale)
-        s.nearest_error, s.waiting = np.inf, 0
-        work.nearest.w[:], work.nearest.y[:], work.nearest.z[:] = work.it.w, work.it.y, work.it.z
+        s.least_error, s.waiting = np.inf, 0
+        work.incumbent.w[:], work.incumbent.y[:], work.incumbent.z[:] = work.it.w, work.it.y, work.it.z
         self._forget_steps()
         s.stuck, s.shortest = 0, SHORT
         s.feasibility = self.options.feasibility_tolerance
@@ -149,8 +149,8 @@ class _Loop:
                     minimum = second_order is SecondOrder.HOLDS
                     return replace(self._outcome(End.CONVERGED), minimum=minimum)
                 if self._stalled():
-                    if self.s.nearest_error <= ACCEPTABLE:
-                        work.evaluate(work.nearest.w, work.nearest.y, work.nearest.z)
+                    if self.s.least_error <= ACCEPTABLE:
+                        work.evaluate(work.incumbent.w, work.incumbent.y, work.incumbent.z)
                     second_order = self._leave_saddle()
                     if second_order is SecondOrder.LEFT:
                         continue
@@ -250,7 +250,7 @@ class _Loop:
 
     def _give_up(self) -> Outcome:
         """End at the iterate with the smallest error so far."""
-        best, error = self.work.nearest, float(self.s.nearest_error)
+        best, error = self.work.incumbent, float(self.s.least_error)
         x, y = best.w[: self.form.n].copy(), best.y.copy()
         return Outcome(End.STUCK, self.form, x, y, error, self.it.snapshot(), early=self.early)
 
@@ -337,7 +337,7 @@ class _Loop:
         Returns None when the iteration can go on from where that led, else how it ends.
         """
         form, it, mu, filter = self.form, self.it, self.s.mu, self.work.filter
-        if not isinstance(form, ScaledProblem) or self.s.nearest_error <= ACCEPTABLE:
+        if not isinstance(form, ScaledProblem) or self.s.least_error <= ACCEPTABLE:
             return self._give_up()
         if it.theta <= ACCURATE * self.options.tolerance:
             return self._give_up()

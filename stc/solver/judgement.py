@@ -90,7 +90,7 @@ class Judgement:
         return self.gain(point) > ACCEPTABLE
 
     def share_of_error(self, point: Point) -> float:
-        """What may be left of an error for the conditions as stated to hold, and the gain not to count."""
+        """The factor by which an error must shrink for the conditions as stated to hold, and for a negligible gain."""
         most = self.options.unscaled_tolerance
         left = (
             most / max(most, self.assess(point).optimality),
@@ -99,7 +99,7 @@ class Judgement:
         return max(ACCURATE * min(left), EXACT) if min(left) < 1.0 else 1.0
 
     def gain(self, point: Point) -> float:
-        """What it may, relative to the objective, or to 1 where that is less."""
+        """The gain that is possible to first order, relative to the objective, or to 1 where that is less."""
         from stc.solver.first_order_gain import possible_gain
 
         return possible_gain(self.nlp, point.x, point.y, self.assess(point).bound_multipliers)

@@ -1,4 +1,4 @@
-"""The point nearest to the origin that satisfies a program's linear equations; it shows how large the variables are."""
+"""The point of least norm that satisfies a program's linear equations; it shows how large the variables are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rows of a program that are products of two complementary sides, and the places of these sides."""
+"""The rows of a program that are products of two complementary sides, and the indices of these sides."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Pairs:
 
     Attributes:
         product: the rows that state ``a*b <= 0``, (k,).
-        side: places of ``a`` and of ``b`` in (variables, rows): below n a variable, else n more than a row, (k, 2).
+        side: indices of ``a`` and of ``b`` in (variables, rows): below n a variable, else n more than a row, (k, 2).
         lower: whether the side is above a lower bound, else it is below an upper one, (k, 2).
     """
 
@@ -55,15 +55,15 @@ class Pairs:
         """The largest of the smaller sides at ``x`` (n,), relative to ``max(1, larger side)``."""
         return float(self.shares(self.spare(nlp, x, nlp.values(x)[1])).max(initial=0.0))
 
-    def among(self, x_places: NDArray[np.int64], row_places: NDArray[np.int64]) -> Pairs:
+    def among(self, x_index: NDArray[np.int64], row_index: NDArray[np.int64]) -> Pairs:
         """The pairs of a program that some variables and rows make: those of which product and sides are there.
 
         Args:
-            x_places, row_places: where variables (n,) and rows (m,) are in that program, -1 where they are not.
+            x_index, row_index: where variables (n,) and rows (m,) are in that program, -1 where they are not.
         """
-        count = int((x_places >= 0).sum())
-        place = np.concatenate([x_places, np.where(row_places < 0, -1, row_places + count)])
-        product, side = row_places[self.product], place[self.side]
+        count = int((x_index >= 0).sum())
+        place = np.concatenate([x_index, np.where(row_index < 0, -1, row_index + count)])
+        product, side = row_index[self.product], place[self.side]
         there = (product >= 0) & (side >= 0).all(axis=1)
         return Pairs(product[there], side[there], self.lower[there])
 

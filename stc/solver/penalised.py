@@ -58,13 +58,13 @@ class Penalised:
         self.fixed_curvature[self._product_cols] = False
         self._stated: Evaluator | None = None
 
-    def hold(self, places: Ints, limits: Floats) -> None:
-        """Make equations of bounds: ``limits`` (k,) at ``places`` (k,) of the whole program's variables and rows."""
-        of_rows = places >= self.n
-        rows = np.searchsorted(self.kept, places[of_rows] - self.n)
+    def hold(self, indices: Ints, limits: Floats) -> None:
+        """Make equations of bounds: ``limits`` (k,) at ``indices`` (k,) of the whole program's variables and rows."""
+        of_rows = indices >= self.n
+        rows = np.searchsorted(self.kept, indices[of_rows] - self.n)
         self.row_lower[rows] = self.row_upper[rows] = limits[of_rows]
         self.x_lower, self.x_upper = self.x_lower.copy(), self.x_upper.copy()
-        at = places[~of_rows]
+        at = indices[~of_rows]
         self.x_lower[at] = self.x_upper[at] = limits[~of_rows]
 
     def row_bends(self) -> NDArray[np.int8]:

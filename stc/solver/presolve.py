@@ -176,9 +176,9 @@ def _pairs_left(nlp: NLP, part: Part) -> Pairs:
     """The complementary pairs of which nothing is determined; the product of another one is a row like others."""
     if not isinstance(nlp, Complementary):
         return Pairs.none()
-    x_places, row_places = np.full(nlp.n, -1), np.full(nlp.m, -1)
-    x_places[part.cols], row_places[part.rows] = np.arange(part.cols.size), np.arange(part.rows.size)
-    return nlp.pairs.among(x_places, row_places)
+    x_index, row_index = np.full(nlp.n, -1), np.full(nlp.m, -1)
+    x_index[part.cols], row_index[part.rows] = np.arange(part.cols.size), np.arange(part.rows.size)
+    return nlp.pairs.among(x_index, row_index)
 
 
 def presolved(nlp: NLP) -> Reduced | None:

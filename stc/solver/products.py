@@ -66,12 +66,12 @@ def times(rows: Indices, cols: Indices, values: Floats, v: Floats, size: int) ->
 
 
 def term_sums(rows: Ints, cols: Ints, values: Floats, v: Floats, size: int) -> Floats:
-    """What the magnitudes of the terms of such a product add up to, (size,): what rounding is in proportion to."""
+    """The sums of the magnitudes of the terms of such a product, (size,), to which rounding errors are proportional."""
     return np.asarray(np.bincount(rows, weights=np.abs(values * v[cols]), minlength=size), dtype=float)
 
 
 def symmetric_times(rows: Indices, cols: Indices, values: Floats, v: Floats, size: int) -> Floats:
-    """The same for a symmetric matrix of which the lower triangle is given."""
+    """Symmetric matrix times vector, (size,); the lower triangle is given, as for :func:`times`."""
     out = np.zeros(size)
     if rows.size:
         _symmetric_times(rows.size, rows, cols, np.ascontiguousarray(values), np.ascontiguousarray(v), out)

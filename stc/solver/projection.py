@@ -91,7 +91,7 @@ class Projection:
 
 
 class ProjectionPair:
-    """A point and the next one, which change places after each step.
+    """A point and the next one, which are swapped after each step.
 
     Attributes:
         regularity: which of the shifts the last active set needed (see ``factorize_restricted``); the next one begins

@@ -3,7 +3,7 @@
     minimise    g.d + 1/2 d.H d
     subject to  row_lower <= r + J d <= row_upper,    x_lower <= x + d <= x_upper
 
-With the right active set one factorisation solves it.  A wrong guess is corrected at many places at once: what is
+With the right active set one factorisation solves it.  A wrong guess is corrected in many constraints at once: what is
 violated becomes active, what pulls the wrong way is let go (the primal-dual active set method: M. Hintermueller,
 K. Ito and K. Kunisch, SIAM J. Optim. 13, 2002).  Where a whole arc of a path oversteps a bound, hardly more than its
 top touches the bound in the solution; an arc that is held there pulls to and fro, and takes many sets to come loose.
@@ -65,7 +65,7 @@ class QuadraticSolution:
 
 
 def guess_from_multipliers(form: ScaledProblem, point: PrimalDual) -> ActiveSet:
-    """What was active where the point's multipliers belong."""
+    """The active set that the point's multipliers imply: bounds and rows whose multiplier is not negligible."""
     terms = term_sums(form.jac_cols, form.jac_rows, point.jac, point.y, form.n)
     return ActiveSet(
         _signs(point.z, np.asarray(ACCEPTABLE + RELAXATION * terms, float), *form.true_x) * ~form.held,

@@ -54,7 +54,7 @@ class IterationRecord:
         step_length: accepted fraction of the last step; above 1 where it was lengthened.
         mu: barrier parameter (0 in a Newton step on the active set).
         regularization: what was added to the Hessian's diagonal.
-        phase: ``"barrier"``, ``"active-set"``, or ``"restoration"``.
+        phase: ``"barrier"``, ``"active-set"``, ``"warm"`` (from a neighbour's solution) or ``"restoration"``.
         x: the point itself, (n,), for the callback only: a history keeps none.  It is the solver's own array,
             to be copied by whoever keeps it.  None while the same motion is solved on fewer frames.
     """

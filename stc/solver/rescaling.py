@@ -22,13 +22,13 @@ __all__ = ["Rescalings"]
 
 
 class Rescalings:
-    """Other scales for the problem of some attempts. Each attempt is None where nothing would be different."""
+    """Other scales for the problem of some strategies. Each is None where nothing would be different."""
 
-    def __init__(self, attempts: Strategies, solve: Solve) -> None:
+    def __init__(self, strategies: Strategies, solve: Solve) -> None:
         """``solve`` solves another problem with settings: :func:`stc.solver.sqp.minimize`."""
-        self.attempts, self.solve = attempts, solve
-        self.nlp, self.options = attempts.nlp, attempts.options
-        self.monitor, self.judgement = attempts.monitor, attempts.judgement
+        self.strategies, self.solve = strategies, solve
+        self.nlp, self.options = strategies.nlp, strategies.options
+        self.monitor, self.judgement = strategies.monitor, strategies.judgement
 
     def scaled_anew(
         self,
@@ -56,13 +56,13 @@ class Rescalings:
         for light in (SMALLEST, ACCEPTABLE):
             factor = light / max(curvature, light)
             even = self.scaled_anew(form, x0, factor * form.objective_factor, even=True)
-            outcome = self.attempts.linear_equations(even, x0)
+            outcome = self.strategies.linear_equations(even, x0)
             if outcome is not None:
                 return outcome
         return None
 
     def resized(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
-        """Solve from the guess, with variables that an attempt made much larger, (n,), scaled by their final size.
+        """Solve from the guess, with variables that a strategy made much larger, (n,), scaled by their final size.
 
         A claim of infeasibility may be wrong if the scales are.
         """
@@ -70,7 +70,7 @@ class Rescalings:
         if not self.options.scaling or not larger.any():
             return None
         resized = self.scaled_anew(form, np.where(larger, reached, x0), form.objective_factor)
-        return self.attempts.cold(resized, x0)
+        return self.strategies.cold(resized, x0)
 
     def by_least_norm(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
         """Solve from the guess, with variables scaled by the point of least norm that satisfies the linear equations.
@@ -87,7 +87,7 @@ class Rescalings:
         sized = self.scaled_anew(form, there, form.objective_factor)
         if (sized.x_scale == form.x_scale).all():
             return None
-        return self.attempts.cold(sized, x0)
+        return self.strategies.cold(sized, x0)
 
     def beyond_saddle(self, outcome: Outcome) -> tuple[Outcome, Outcome | None]:
         """A stationary point where it is a minimum; else what negative curvature leads to from there.
@@ -132,4 +132,4 @@ class Rescalings:
         if end is not None:
             return outcome
         x = self.judgement.stated(outcome).x
-        return self.attempts.cold(self.scaled_anew(there, x, form.objective_factor), x)
+        return self.strategies.cold(self.scaled_anew(there, x, form.objective_factor), x)

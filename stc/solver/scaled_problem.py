@@ -116,7 +116,7 @@ class ScaledProblem(Formulation):
         self.quadratic_program = self.linear and self.quadratic_objective
         self.kkt = new_kkt(
             self.n, self.m, nlp.jac_rows, nlp.jac_cols, nlp.hess_rows, nlp.hess_cols, nlp.var_stage, nlp.row_stage,
-            self.held, self.equality,
+            self.held,
         )  # fmt: skip
 
     @cached_property
@@ -172,7 +172,7 @@ class ScaledProblem(Formulation):
 
     def _choose_function_scales(self, x0: Floats) -> Floats:
         """Scale the objective and the rows for the scales of the variables; the magnitudes of the Jacobian's entries
-        of rows as stated by scaled variables, the larger ones of two places, (nnz_J,).
+        of rows as stated by scaled variables, the larger ones of those at two points, (nnz_J,).
         """
         nlp = self.nlp
         at_start, entries = self._magnitudes(x0)

@@ -144,8 +144,8 @@ class _Solve:
         self.form: ScaledProblem | None = None
         self._least: Outcome | None = None  # of a search for a feasible point from the guess
         self.judgement = Judgement(nlp, options)
-        self.attempts = Strategies(nlp, options, self.monitor, self.judgement)
-        self.rescalings = Rescalings(self.attempts, minimize)
+        self.strategies = Strategies(nlp, options, self.monitor, self.judgement)
+        self.rescalings = Rescalings(self.strategies, minimize)
 
     def run(self) -> Result:
         nlp = self.nlp
@@ -178,7 +178,7 @@ class _Solve:
             give_back(form, nlp, key)
 
     def _solve(self, form: ScaledProblem, x0: Floats) -> Result:
-        options, attempts = self.options, self.attempts
+        options, strategies = self.options, self.strategies
         if options.max_iterations <= 0:
             return self._unmoved(form, x0)
         if options.warm_start and self.start.row_multipliers is not None:
@@ -186,7 +186,7 @@ class _Solve:
                 self._helped(
                     form,
                     FOLLOWED,
-                    lambda tactics: attempts.warm(form, x0, self.start, options.trusting, tactics),
+                    lambda tactics: strategies.warm(form, x0, self.start, options.trusting, tactics),
                 )
             )
         else:
@@ -201,16 +201,16 @@ class _Solve:
         return self._conclude(outcome)
 
     def _strategies(self, form: ScaledProblem) -> list[tuple[str, Strategy]]:
-        """The attempts, in order, after the barrier method from the guess has found no solution."""
-        attempts, scales = self.attempts, self.rescalings
+        """The strategies, in order, after the barrier method from the guess has found no solution."""
+        strategies, scales = self.strategies, self.rescalings
         convex = once(is_convex, self.nlp)
         constrained = form.m > 0 or form.gaps > 0
         table: list[tuple[str, bool, Strategy]] = [
             ("rescaled", True, scales.resized),
             ("rescaled by the point of least norm", form.linear, scales.by_least_norm),
-            ("feasibility first", constrained, attempts.feasible_first),
+            ("feasibility first", constrained, strategies.feasible_first),
             ("least violation", form.m > 0 and not convex, scales.from_least_violation),
-            ("perturbed start", True, attempts.perturbed),
+            ("perturbed start", True, strategies.perturbed),
             ("best feasible point", constrained, self._from_feasible),
         ]
         suitable = [(name, strategy) for name, suits, strategy in table if suits and name not in LEFT_OUT]
@@ -219,7 +219,7 @@ class _Solve:
     def _from_feasible(self, form: ScaledProblem, x0: Floats, reached: Floats) -> Outcome | None:
         """Solve from the best feasible point so far, if there is one, and stay near the rows."""
         best = self._feasible()
-        return None if best is None else self.attempts.barrier(form, best, Tactics(largest_theta=NEARBY))
+        return None if best is None else self.strategies.barrier(form, best, Tactics(largest_theta=NEARBY))
 
     def _unmoved(self, form: ScaledProblem, x0: Floats) -> Result:
         """The start as the outcome if no step is allowed; whether it is a solution is judged later."""
@@ -240,18 +240,18 @@ class _Solve:
 
     def _cold(self, form: ScaledProblem, x0: Floats) -> Outcome:
         """Solve from the guess."""
-        outcome = self.attempts.linear_equations(form, x0)
+        outcome = self.strategies.linear_equations(form, x0)
         if outcome is None and form.quadratic_program and not form.gaps:
             outcome = self.rescalings.even_equations(form, x0)
         if outcome is not None:
             return outcome
-        return self._helped(form, GUESSED, lambda tactics: self.attempts.barrier(form, x0, tactics))
+        return self._helped(form, GUESSED, lambda tactics: self.strategies.barrier(form, x0, tactics))
 
-    def _helped(self, form: ScaledProblem, first: Tactics, attempt: Callable[[Tactics], Outcome]) -> Outcome:
-        """What an attempt leads to, or another start, if there is one, where that is no solution with ``first``."""
+    def _helped(self, form: ScaledProblem, first: Tactics, solve: Callable[[Tactics], Outcome]) -> Outcome:
+        """The outcome of a solve; if it fails with the tactics ``first``, that of the caller's other starts."""
         if self.start.another is None:
-            return attempt(Tactics())
-        outcome = attempt(replace(first, patient=once(is_convex, self.nlp)))
+            return solve(Tactics())
+        outcome = solve(replace(first, patient=once(is_convex, self.nlp)))
         if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
             return outcome
         if self._is_proof(outcome):
@@ -278,8 +278,8 @@ class _Solve:
         """Solve from a start other than the guess."""
         x = between(np.asarray(start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
         if start.row_multipliers is None:
-            return self.attempts.barrier(form, x, tactics)
-        return self.attempts.warm(form, x, start, False, tactics)
+            return self.strategies.barrier(form, x, tactics)
+        return self.strategies.warm(form, x, start, False, tactics)
 
     def _is_proof(self, outcome: Outcome) -> bool:
         """Whether the violation of the outcome is proved to be the smallest possible one."""
@@ -363,7 +363,7 @@ class _Solve:
         points = [self.judgement.stated(o) for o in (one, other)]
         violations = [assess(self.nlp, p.x, p.y).violation for p in points]
         if one.end is not other.end:
-            # A stationary violation says nothing of rows that another attempt came much nearer to.
+            # A stationary violation says nothing of rows that another strategy came much nearer to.
             claim = 0 if one.end is End.STATIONARY_VIOLATION else 1
             disproved = violations[1 - claim] < CONTRACTION * violations[claim]
             return (one, other)[1 - claim if disproved else claim]

@@ -46,7 +46,7 @@ def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
 
 
 def active_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
-    """The same as near to a solution ``x`` (n,), with multipliers ``y`` (m,), as a barrier comes at its end."""
+    """An iterate as near to a solution ``x`` (n,), with multipliers ``y`` (m,), as a barrier comes at its end."""
     return _iterate_at(form, x, y, RELAXATION, ACTIVE_BARRIER)
 
 

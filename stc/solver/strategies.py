@@ -25,7 +25,7 @@ __all__ = ["Strategies"]
 
 
 class Strategies:
-    """The attempts at one problem, which share their limits and their log."""
+    """The strategies for one problem, which share their limits and their log."""
 
     def __init__(self, nlp: NLP, options: Options, monitor: Monitor, judgement: Judgement) -> None:
         self.nlp, self.options, self.monitor, self.judgement = nlp, options, monitor, judgement

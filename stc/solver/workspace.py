@@ -1,4 +1,4 @@
-"""The vectors of one iteration at fixed places, for the functions of the core that do its arithmetic.
+"""The vectors of one iteration at fixed addresses, for the functions of the core that do its arithmetic.
 
 An iteration on a short horizon takes less time than a hundred NumPy calls. So all its vectors are allocated once; the
 structure that holds them, and every number and function of the iteration, are described in
@@ -31,7 +31,7 @@ LONGEST_RUN = 16
 
 
 class Step:
-    """A step ``dw`` (n + m,), ``dy`` (m,), ``dz`` (gaps,) at fixed places."""
+    """A step ``dw`` (n + m,), ``dy`` (m,), ``dz`` (gaps,) at fixed addresses."""
 
     def __init__(self, form: Formulation) -> None:
         self.dw, self.dy, self.dz = np.zeros(form.size), np.zeros(form.m), np.zeros(form.gaps)
@@ -81,7 +81,7 @@ class Workspace:
 
     Attributes:
         s: all numbers and arrays of the iteration (``iteration`` in ``iteration.h``).
-        it: the iterate; its arrays stay the same objects. ``trial`` is the point tried, ``nearest`` has w, y and z of
+        it: the iterate; its arrays stay the same objects. ``trial`` is the point tried, ``incumbent`` has w, y and z of
             the iterate with the smallest error.
         calls: the prepared calls that functions of the core make.
         filter: of the search along a step.
@@ -105,7 +105,7 @@ class Workspace:
         zeros = np.zeros
         self.kkt = form.attached_kkt
         self.evaluator = ev = form.evaluator()
-        self.it, self.trial, self.nearest = (_Current(form, ev) for _ in range(3))
+        self.it, self.trial, self.incumbent = (_Current(form, ev) for _ in range(3))
         self.step, self.affine, self.centring, self.correction, self.spare = (Step(form) for _ in range(5))
         self.filter, self.accepted = Filter(np.inf), Filter(np.inf)
         self.best, self.records = (zeros(n), zeros(m)), zeros((LONGEST_RUN, RECORD))
@@ -119,7 +119,7 @@ class Workspace:
             form=form.structure,
             at=ev.structure(),
             kkt=form.linear_system,
-            now=self.it.structure, trial=self.trial.structure, nearest=self.nearest.structure,
+            now=self.it.structure, trial=self.trial.structure, incumbent=self.incumbent.structure,
             step=self.step.structure, affine=self.affine.structure, centring=self.centring.structure,
             correction=self.correction.structure, filter=self.filter.structure, accepted=self.accepted.structure,
             residual=self.residual, sigma=self.sigma, ratio=zeros(gaps), primal_diagonal=zeros(n),

@@ -51,7 +51,7 @@ class Handles(Protocol):
 
     @property
     def handles(self) -> Sequence[Handle]:
-        """All of them."""
+        """The handles of the frame, in the order in which they are shown."""
 
     def reached(
         self, handle: Handle, target: FloatArray, solution: Solution, setup: Setup

@@ -364,7 +364,7 @@ class _Finder:
             self.edits.append(Edit(site.insert, site.insert, added))
 
     def _keyframe(self, site: PoseSite, header: syntax.RangeHeader) -> None:
-        """A keyframe of the model: in the working text it is a pose of the spec, of constants."""
+        """Replace a keyframe of the model in the working text by a pose of the spec whose numbers are constants."""
         numbers = self._of_model(site.base)
         if numbers is None:
             return

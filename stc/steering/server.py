@@ -167,7 +167,7 @@ class Server:
         await self._ordered(client, kind)
 
     async def _ordered(self, client: ServerConnection, kind: str) -> None:
-        """What is not dropped for something newer."""
+        """Carry out a request that a newer one does not replace: undo, redo, release, showing changes, writing."""
         session = self._session
         self._note = ""
         if kind == "release":

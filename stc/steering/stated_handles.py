@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stc.language import syntax
-from stc.language.constant_values import constant_values
+from stc.language.constant_values import ConstantValues
 from stc.language.constants import Constants
 from stc.language.diagnostics import Diagnostics
 from stc.language.names import collect_names
@@ -58,7 +58,7 @@ class StatedHandles:
             tree: the syntax of the working text.
             setup: a motion of it, tied to its model.
         """
-        self.frame, self._tree, self._names = frame, tree, list(names)
+        self.frame, self._values, self._names = frame, ConstantValues(tree), list(names)
         self._rows = [row.body if row.lower is None else row.body - row.lower for row in rows]
         self._lines = joint_lines(setup)
         keys: dict[str, None] = {}
@@ -141,7 +141,7 @@ class StatedHandles:
         return np.array([solution.trajectories[name, 0].after[self.frame] for name in self._variables])
 
     def _given(self, solution: Solution, values: Mapping[str, float]) -> dict[str, float]:
-        return constant_values(self._tree, {**solution.overrides, **values})
+        return self._values({**solution.overrides, **values})
 
     def _known(self, q: FloatArray, constants: Mapping[str, float], solution: Solution) -> dict[Any, float]:
         known: dict[Any, float] = {ConstantRef(name): value for name, value in constants.items()}

@@ -133,7 +133,7 @@ def complementarity(solution: Solution) -> Complementarity | None:
 
 
 def _together(found: Sequence[Complementarity]) -> Complementarity:
-    """What holds of all parts: the weakest kind, and B-stationarity of all."""
+    """Combine the findings on parts of a motion: the weakest kind, and B-stationarity only if all parts have it."""
     known = [one.b_stationary for one in found]
     return Complementarity(
         sum(one.pairs for one in found),

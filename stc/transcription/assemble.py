@@ -26,7 +26,7 @@ from stc.codegen.engine import LANES
 from stc.codegen.runs import RUN, Copies, Runs, find_runs
 from stc.codegen.tape import Tape
 from stc.problem import ConstantRef
-from stc.records import dataclass
+from stc.records import dataclass, field
 from stc.symbolic.expr import tables
 from stc.transcription.derive import (
     GRADIENT,
@@ -163,6 +163,8 @@ class Program:
         row_source: (m,) int32 where each row is in the values kernels' buffer.
         objective_source: int32 places there that add up to the objective.
         fixed_curvature: (size,) variables by which all second derivatives are constants.
+        wanted: how all of its numbers, or those of a part, leave the kernels (:mod:`stc.transcription.wanted`),
+            which is found once for all constants.
     """
 
     groups: list[Group]
@@ -194,6 +196,7 @@ class Program:
     hessian: Sparsity
     objective_degree: int
     fixed_curvature: NDArray[np.bool_]
+    wanted: list[Any] = field(default_factory=list)
 
 
 def assemble(

@@ -30,6 +30,9 @@ from stc.transcription.statements import LINK, Statements
 from stc.transcription.statements import Bound as BoundStatement
 
 FloatArray = NDArray[np.float64]
+Values = np.float64 | FloatArray
+
+INFINITE = np.float64(np.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,12 @@ def evaluate_bounds(problem: Problem, statements: Statements, layout: Layout, nu
     """
     size = layout.size
     result = Bounds(np.full(size, -np.inf), np.full(size, np.inf), np.full(size, -1), np.full(size, -1), [])
+    numbers.evaluate(
+        e
+        for bound in statements.bounds
+        for e in (bound.rest, bound.lower, bound.upper, bound.coefficient)
+        if e is not None
+    )
     for bound in statements.bounds:
         _apply(problem, bound, layout, numbers, result)
     for at, low, high in step_limits(layout, numbers):
@@ -103,48 +112,51 @@ def step_limits(layout: Layout, numbers: Numbers) -> list[tuple[int, float, floa
 
 
 def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Numbers, into: Bounds) -> None:
-    relation = problem.relations[bound.relation]
-    rest = numbers.at(bound.rest, bound.nodes)
-    minus, plus = np.full(len(rest), -np.inf), np.full(len(rest), np.inf)
-    low = minus if bound.lower is None else numbers.at(bound.lower, bound.nodes) - rest
-    high = plus if bound.upper is None else numbers.at(bound.upper, bound.nodes) - rest
-    sound = np.isfinite(low).all() or bound.lower is None
-    if not (sound and (np.isfinite(high).all() or bound.upper is None)):
-        _check_value(relation, bound.rest, rest, bound.nodes, numbers)
-        _check_limits(relation, bound.lower, bound.upper, bound.nodes, numbers)
-    if bound.unknown is None:
-        slope = np.zeros(len(rest))
-    else:
-        slope = numbers.at(bound.coefficient, bound.nodes)
-        _check_value(relation, bound.coefficient, slope, bound.nodes, numbers)
-    tolerance = 1e-9 * np.maximum(1.0, np.abs(rest))
-    dead = slope == 0
-    wrong = dead & ((low > tolerance) | (high < -tolerance) | np.isnan(low) | np.isnan(high))
-    if wrong.any():
-        k = int(np.flatnonzero(wrong)[0])
-        frame = float(bound.nodes.position[k]) / 2
-        into.contradictions.append(
-            Contradiction(
-                (bound.relation,),
-                "",
-                frame,
-                float(max(low[k], -high[k])),
-                f"`{relation.text}` is false at frame {frame:g} whatever the unknowns are",
+    """Tighten the bounds on a variable at the nodes of a statement; most have one number for all of them."""
+    relation, nodes = problem.relations[bound.relation], bound.nodes
+    rest = numbers.value(bound.rest, nodes)
+    low = -INFINITE if bound.lower is None else numbers.value(bound.lower, nodes) - rest
+    high = INFINITE if bound.upper is None else numbers.value(bound.upper, nodes) - rest
+    sound = bound.lower is None or np.isfinite(low).all()
+    if not (sound and (bound.upper is None or np.isfinite(high).all())):
+        _check_value(relation, bound.rest, rest, nodes, numbers)
+        _check_limits(relation, bound.lower, bound.upper, nodes, numbers)
+    slope: Values = np.float64(0.0)
+    if bound.unknown is not None:
+        slope = numbers.value(bound.coefficient, nodes)
+        _check_value(relation, bound.coefficient, slope, nodes, numbers)
+    dead = slope == 0.0
+    if dead.any():
+        tolerance = 1e-9 * np.maximum(1.0, np.abs(rest))
+        wrong = dead & ((low > tolerance) | (high < -tolerance) | np.isnan(low) | np.isnan(high))
+        if wrong.any():
+            every = np.broadcast_arrays(wrong, low, high, nodes.position)
+            k = int(np.flatnonzero(every[0])[0])
+            frame = float(nodes.position[k]) / 2
+            into.contradictions.append(
+                Contradiction(
+                    (bound.relation,),
+                    "",
+                    frame,
+                    float(max(every[1][k], -every[2][k])),
+                    f"`{relation.text}` is false at frame {frame:g} whatever the unknowns are",
+                )
             )
-        )
     if bound.unknown is None or dead.all():
         return
-    position = layout.position(bound.unknown, bound.nodes)
-    live = ~dead
+    position = layout.position(bound.unknown, nodes)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         one, other = low / slope, high / slope
-    beyond = live & (np.isfinite(low) & np.isinf(one) | np.isfinite(high) & np.isinf(other))
+    beyond = ~dead & (np.isfinite(low) & np.isinf(one) | np.isfinite(high) & np.isinf(other))
     if beyond.any():
-        raise _no_value(relation, bound.coefficient, bound.nodes, beyond, numbers)
-    ends = np.where(slope > 0, one, other), np.where(slope > 0, other, one)
-    at = position[live]
-    _tighten(np.fmax, into.lower, into.lower_from, at, ends[0][live], bound.relation)
-    _tighten(np.fmin, into.upper, into.upper_from, at, ends[1][live], bound.relation)
+        raise _no_value(relation, bound.coefficient, nodes, beyond, numbers)
+    rising = slope > 0.0
+    ends = np.where(rising, one, other), np.where(rising, other, one)
+    if dead.any():
+        live, shape = ~dead, position.shape
+        position, ends = position[live], tuple(np.broadcast_to(end, shape)[live] for end in ends)
+    _tighten(np.fmax, into.lower, into.lower_from, position, ends[0], bound.relation)
+    _tighten(np.fmin, into.upper, into.upper_from, position, ends[1], bound.relation)
 
 
 def _check_limits(
@@ -168,7 +180,7 @@ def _check_limits(
             raise _no_value(relation, limit, nodes, wrong, numbers)
 
 
-def _check_value(relation: Relation, e: Expr, value: FloatArray, nodes: Nodes, numbers: Numbers) -> None:
+def _check_value(relation: Relation, e: Expr, value: Values, nodes: Nodes, numbers: Numbers) -> None:
     """Refuse values that are not finite at some node.
 
     Raises:
@@ -180,7 +192,7 @@ def _check_value(relation: Relation, e: Expr, value: FloatArray, nodes: Nodes, n
 
 
 def _no_value(
-    relation: Relation, e: Expr, nodes: Nodes, wrong: NDArray[np.bool_], numbers: Numbers
+    relation: Relation, e: Expr, nodes: Nodes, wrong: np.bool_ | NDArray[np.bool_], numbers: Numbers
 ) -> EvaluationError:
     from stc.transcription.undefined import constant_fault
 
@@ -188,7 +200,7 @@ def _no_value(
     return EvaluationError(
         "this has no value",
         expression=relation.text,
-        frame=float(nodes.position[wrong][0]) / 2,
+        frame=float(nodes.position[np.broadcast_to(wrong, nodes.position.shape)][0]) / 2,
         values=values,
         span=relation.span,
         hint=hint or "what it is made of is too large, or is divided by zero there",
@@ -198,9 +210,12 @@ def _no_value(
 def _tighten(
     tighter: np.ufunc, limits: FloatArray, owners: NDArray[np.int64], at: NDArray[np.int64], to: FloatArray, owner: int
 ) -> None:  # fmt: skip
-    """Tighten limits by the bounds ``to``; ``at`` may contain positions several times."""
+    """Tighten limits by the bounds ``to``, one for all or (k,); ``at`` (k,) may contain positions several times."""
     before = limits[at]
-    tighter.at(limits, at, to)
+    if to.ndim == 0:
+        limits[at] = tighter(before, to)
+    else:
+        tighter.at(limits, at, to)
     owners[at[limits[at] != before]] = owner
 
 

@@ -16,7 +16,7 @@ from stc.arrays import aligned_zeros
 from stc.codegen import reference, threads
 from stc.codegen.kernel import KernelSet
 from stc.core.calls import Bound, chain, chain_until
-from stc.solver.evaluator import Evaluator, Part, Places, Scaling
+from stc.solver.evaluator import Evaluator, Indices, Part, Scaling
 from stc.transcription.assemble import Program, blocks, data_of
 from stc.transcription.gather import Copying, add_up, all_same, begin, note, place, total
 from stc.transcription.wanted import Wanted
@@ -187,7 +187,7 @@ class _Steps:
         return self._spread(its, values, scale, its.part.rows, into)
 
     def _spread(
-        self, its: Wanted, values: FloatArray, scale: FloatArray, at: Places, into: FloatArray
+        self, its: Wanted, values: FloatArray, scale: FloatArray, at: Indices, into: FloatArray
     ) -> list[Bound]:
         return [
             chain(calls)
@@ -299,7 +299,7 @@ def _shared(nlp: Evaluation, values: bool) -> bool:
     )
 
 
-def copied_within(workspace: FloatArray, positions: tuple[Places, Places]) -> list[Bound]:
+def copied_within(workspace: FloatArray, positions: tuple[Indices, Indices]) -> list[Bound]:
     """Copy within the workspace the values that kernels need side by side."""
     source, target = positions
     unread = np.zeros(1)  # numbers that no wanted entry depends on need not be finite

@@ -1,25 +1,29 @@
 """The numbers of a program that leave its kernels, all of them or those of a part, and their targets.
 
-This does not depend on the scaling, of which a solve has several, so it is computed once.
+This depends neither on the scaling, of which a solve has several, nor on constants, of which one solve after another
+has its own. So it is computed once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stc.records import dataclass, field
-from stc.solver.evaluator import Part, Places
+from stc.solver.evaluator import Indices, Part
 from stc.transcription.assemble import Program, Sparsity
 from stc.transcription.gather import Copying
 
 __all__ = ["Wanted"]
 
 Known = TypeVar("Known")
+
+#: Variables and rows of the largest program that keeps it for its next solve, and of how many parts.
+LARGEST, KEPT = 3_000_000, 2
 
 
 @dataclass(slots=True)
@@ -32,7 +36,7 @@ class Wanted:
         part: the part; None for all.
     """
 
-    row_source: Places
+    row_source: Indices
     gradient: Sparsity
     jacobian: Sparsity
     hessian: Sparsity
@@ -41,7 +45,19 @@ class Wanted:
 
     @classmethod
     def of(cls, program: Program, part: Part | None) -> Wanted:
-        """All numbers of a program, or those of a part."""
+        """All numbers of a program, or those of a part, found anew only where the program has not kept them."""
+        for known in program.wanted:
+            if known.part is part:
+                return cast("Wanted", known)
+            if known.part is not None and part is not None and known.part.alike(part):
+                return replace(known, part=replace(known.part, x=part.x))
+        made = cls._of(program, part)
+        if program.size + program.row_count <= LARGEST:
+            program.wanted[:] = [*program.wanted[1 - KEPT :], made]
+        return made
+
+    @classmethod
+    def _of(cls, program: Program, part: Part | None) -> Wanted:
         gradient, jacobian, hessian = program.gradient, program.jacobian, program.hessian
         if part is None:
             return cls(program.row_source, gradient, jacobian, hessian, None)
@@ -64,13 +80,13 @@ class Wanted:
         found: Known = self._known[key]
         return found
 
-    def others(self, size: int) -> Places:
+    def others(self, size: int) -> Indices:
         """The variables, out of the given number, that are not in the part."""
         assert self.part is not None
         cols = self.part.cols
         return self._once("others", lambda: _without(size, cols))
 
-    def spread(self, places: Places, piece: slice) -> Copying:
+    def spread(self, places: Indices, piece: slice) -> Copying:
         """The copies of numbers to a contiguous piece of targets."""
         key = "spread", id(places), piece.start, piece.stop
         return self._once(key, lambda: Copying.to(places[piece]))
@@ -93,21 +109,21 @@ class Wanted:
                 into = self._targets(number, np.arange(first, last, dtype=np.int32))
                 yield number, at, Copying.of(matrix.first[at], into)
 
-    def folded(self, number: int) -> tuple[Places, Copying]:
+    def folded(self, number: int) -> tuple[Indices, Copying]:
         """The entries of a matrix that are copied again after summation, and their copies."""
         return self._once(("folded", number), lambda: self._folded(number))
 
-    def _folded(self, number: int) -> tuple[Places, Copying]:
+    def _folded(self, number: int) -> tuple[Indices, Copying]:
         matrix = (self.gradient, self.jacobian, self.hessian)[number]
         at = np.flatnonzero(np.isin(matrix.first, matrix.folding.changed())).astype(np.int32)
         return at, Copying.of(matrix.first[at], self._targets(number, at))
 
-    def _targets(self, number: int, entries: Places) -> Places:
+    def _targets(self, number: int, entries: Indices) -> Indices:
         """The targets of entries of a matrix: a gradient has all variables, including those with a zero derivative."""
         return entries if number else self.gradient.cols[entries]
 
 
-def _without(size: int, places: Places) -> NDArray[np.int32]:
+def _without(size: int, places: Indices) -> NDArray[np.int32]:
     """All places below ``size`` but these."""
     absent = np.ones(size, bool)
     absent[places] = False

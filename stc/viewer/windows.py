@@ -38,7 +38,7 @@ _SWITCH = 2e-4
 
 
 def studio_is_there() -> bool:
-    """Whether MuJoCo has its Studio here."""
+    """Whether the installed MuJoCo includes Studio, its viewer."""
     try:
         from mujoco.studio import launch_thread  # noqa: F401
     except ImportError:

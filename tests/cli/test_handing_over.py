@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,7 @@ def test_a_recorded_motion_becomes_a_spec(
     assert run(["export", "swing.npz", "--format", "joints", "--rate", "90", "-o", "swing.csv"]) == 0
     assert run(["explain-motion", "swing.csv", "--model", "cart_pole.xml", "-o", "found/again.stc"]) == 0
     shown = capsys.readouterr().out
-    assert "objective   effort 100 %" in shown
+    assert re.search("objective +effort 100 %", shown)
     assert "passed: " in shown
     assert run(["solve", "found/again.stc", "--set", "D=0.5", "-o", "shorter.npz"]) == 0
     with np.load("shorter.npz") as found:

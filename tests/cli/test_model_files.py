@@ -84,7 +84,7 @@ _ROTORS = """<mujoco><worldbody><body name="frame" pos="0 0 1"><freejoint name="
 def test_a_starter_of_what_flies_hovers_if_its_rotors_lift_it(
     most: float, title: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Four rotors lift 1.3 kg with 3.2 N each."""
+    """Four rotors lift 1.3 kg with 3.2 N each; if they do not, the page says at its top what it does not do."""
     monkeypatch.chdir(tmp_path)
     places = [(-1, -1), (-1, 1), (1, 1), (1, -1)]
     sites = "".join(f'<site name="s{k}" pos="{0.2 * x} {0.2 * y} .05"/>' for k, (x, y) in enumerate(places))
@@ -94,7 +94,9 @@ def test_a_starter_of_what_flies_hovers_if_its_rotors_lift_it(
     )
     Path("drone.xml").write_text(_ROTORS.format(sites=sites, rotors=rotors), encoding="utf-8")
     assert run(["new", "mine", "--model", "drone.xml"]) == 0
-    assert title in Path("mine.stc").read_text(encoding="utf-8").splitlines()[0]
+    first, second, *_ = Path("mine.stc").read_text(encoding="utf-8").splitlines()
+    assert title in first
+    assert (second == "# More was asked of it at first:") == (title == "is let go")
 
 
 @pytest.mark.parametrize("floor", ["", '<geom type="plane" size="2 2 .1"/>'])
@@ -276,3 +278,35 @@ def test_wheels_of_a_starter_spec_roll(tmp_path: Path, monkeypatch: pytest.Monke
     assert solution.status == "optimal"
     assert solution["joint.axle"][-1] == pytest.approx(5.0, abs=1e-6)
     assert certify(solution).passed
+
+
+_CAR = """<mujoco><compiler autolimits="true"/><worldbody><geom type="plane" size="5 5 .1"/>
+  <body name="car" pos="0 0 .05"><freejoint/><geom type="box" size=".2 .1 .03" pos="0 0 .04" mass="2"/>
+    {front}
+    <body name="left" pos="-.15 .12 0"><joint name="left" axis="0 1 0" damping=".01"/>
+      <geom type="cylinder" size=".05 .02" euler="90 0 0" mass=".2"/></body>
+    <body name="right" pos="-.15 -.12 0"><joint name="right" axis="0 1 0" damping=".01"/>
+      <geom type="cylinder" size=".05 .02" euler="90 0 0" mass=".2"/></body></body></worldbody>
+  <actuator><motor joint="left" ctrlrange="-1 1"/><motor joint="right" ctrlrange="-1 1"/></actuator></mujoco>"""
+_FRONT_WHEELS = "".join(
+    f"""<body name="{name}" pos=".15 {y} 0"><joint name="{name}" axis="0 1 0" damping=".01"/>
+      <geom type="cylinder" size=".05 .02" euler="90 0 0" mass=".2"/></body>"""
+    for name, y in (("ahead_left", 0.12), ("ahead_right", -0.12))
+)
+_CASTER = '<geom name="caster" size=".02" pos=".15 0 -.03" mass=".1" condim="1" priority="1"/>'
+
+
+@SLOW
+@pytest.mark.parametrize(("front", "wheels"), [(_FRONT_WHEELS, 4), (_CASTER, 2)])
+def test_a_starter_of_a_car_stands_on_its_wheels(
+    front: str, wheels: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On the middle of each, where their load is; a caster of the chassis counts as well."""
+    monkeypatch.chdir(tmp_path)
+    Path("car.xml").write_text(_CAR.format(front=front), encoding="utf-8")
+    assert run(["new", "mine", "--model", "car.xml"]) == 0
+    text = Path("mine.stc").read_text(encoding="utf-8")
+    assert "stands still" in text.splitlines()[0]
+    assert text.count(", 0, 0, 0), radius = 0.05") == wheels
+    assert ("point(geom.caster), friction = 0;" in text) == (wheels == 2)
+    assert certify(stc.load("mine.stc").solve()).passed

@@ -42,16 +42,19 @@ def modules() -> Iterator[str]:
 
 #: Of the modules whose functions are in a file of another name.
 FILES = {
-    "couplings": "arranging", "levels": "arranging", "segments": "arranging", "postponing": "arranging",
-    "lane_memory": "lane_state",
-    "lane_values": "lane_state",
-}  # fmt: skip
+    "couplings": "arranging",
+    "levels": "arranging",
+    "segments": "arranging",
+    "batched": "batch",
+    "multifrontal": "kkt",
+    "contract": "kkt",
+}
 
 
 def test_constants_agree() -> None:
     """Those of the iteration: see ``tests/solver/test_constants.py``."""
     compared = 0
-    files = stated("staged")
+    files = stated("")
     for name in modules():
         stem = name.rpartition(".")[2]
         file = FILES.get(stem, stem)
@@ -62,7 +65,7 @@ def test_constants_agree() -> None:
             if isinstance(given, int | float) and not isinstance(given, bool) and _is_own(module, short):
                 assert given == value, f"{short} of {name} and {constant} in {file}"
                 compared += 1
-    assert compared > 40
+    assert compared > 10
 
 
 def _is_own(module: ModuleType, name: str) -> bool:

@@ -108,6 +108,11 @@ def test_known_weights_are_found(swing: Solution, noise: float, precision: float
     assert weight is not None
     assert float(weight[1]) == pytest.approx(0.02, rel=precision)
     assert distance(found, swing, names) < 1e-3 + 2.0 * noise
+    # The share of the accelerations, by quadrature, is within its range.
+    squares = sum(swing[f"{name}''"] ** 2 for name in names)
+    share = 0.02 * np.trapezoid(squares, swing.time) / swing.objective
+    low, high = found.ranges["acceleration"]
+    assert low - 0.01 < share < high + 0.01
 
 
 @pytest.mark.slow

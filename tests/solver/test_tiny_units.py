@@ -26,5 +26,6 @@ def test_units_make_no_difference(rule: str, n: int) -> None:
     tiny = stc.load(CANTILEVER.format(length=1, time=1, force=1, rule=rule), n=n).solve(max_iterations=30)
     usual = stc.load(CANTILEVER.format(length=1e-9, time=1e-6, force=1e-9, rule=rule), n=n).solve()
     assert tiny.status == usual.status == "optimal"
-    assert tiny.objective == pytest.approx(usual.objective, rel=1e-6)
+    # A violation of 1e-10, which the tolerance allows, changes the objective by 2e-6 of it.
+    assert tiny.objective == pytest.approx(usual.objective, rel=1e-5)
     np.testing.assert_allclose(tiny["x"], 1e-9 * usual["x"], atol=1e-12)

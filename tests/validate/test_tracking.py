@@ -77,6 +77,19 @@ def test_the_regulators_gain_is_that_of_the_riccati_equation() -> None:
         assert gains[axis, 1 - axis] == pytest.approx(0.0, abs=1e-6 * k1)
 
 
+def test_the_regulator_spends_of_an_idle_motor_what_it_is_judged_by() -> None:
+    """A particle that moves up and down: to a tolerable deviation aside it answers less than the judge allows."""
+    still = [lambda t: 0.0 * t] * 3
+    rising = waypoint_spline()[1]
+    setup = prepare(smooth_particle("hermite-simpson", np.linspace(0, 2, 41), still, rising, m=2.0))
+    law = regulator(setup, linearise(setup))
+    assert law is not None
+    idle, used = [np.abs(channel.before).max() for channel in setup.controls.channels]
+    assert idle < 1e-9 < used
+    answer = law.gains(20, np.array([0.5]))[0][0, 0] * limits.TRACKING_POSITION
+    assert 0.0 < answer < limits.FEEDBACK_SHARE["trapezoidal"] * limits.HARDLY_USED * used
+
+
 def test_feedback_supplies_what_the_solution_lacks(tmp_path: Path) -> None:
     """A torque that is one part in 500 short: the feedback's share is that part, and the pendulum stays."""
     needed = weight(np.pi / 2)

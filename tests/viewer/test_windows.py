@@ -208,16 +208,29 @@ def display(tmp_path):
     """A display that can be opened: a virtual one of our own."""
     if not XVFB:
         pytest.skip("there is no Xvfb to open a window on (Debian, Ubuntu: apt install xvfb)")
-    number = next(k for k in range(90, 120) if not Path(f"/tmp/.X11-unix/X{k}").exists())
+    # The server takes a number that is free, and tells it once it can be reached: tests beside this one have others.
+    reading, writing = os.pipe()
     server = subprocess.Popen(
-        [XVFB, f":{number}", "-screen", "0", "1280x900x24", "+extension", "GLX", "-nolisten", "tcp"],
+        [
+            XVFB,
+            "-displayfd",
+            str(writing),
+            "-screen",
+            "0",
+            "1280x900x24",
+            "+extension",
+            "GLX",
+            "-nolisten",
+            "tcp",
+        ],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        pass_fds=[writing],
     )
-    end = time.monotonic() + 20
-    while not Path(f"/tmp/.X11-unix/X{number}").exists():
-        assert server.poll() is None and time.monotonic() < end, "Xvfb did not start"
-        time.sleep(0.1)
+    os.close(writing)
+    with os.fdopen(reading) as told:
+        number = told.readline().strip()
+    assert number, "Xvfb did not start"
     yield f":{number}"
     server.terminate()
     server.wait(20)

@@ -30,7 +30,7 @@ from stc.validate.linearisation import linearised
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.motion import solved_at
 from stc.validate.setup import Setup
-from stc.validate.signals import in_steps
+from stc.validate.signals import steps_at
 from stc.validate.tracking import Feedback, proportional, regulator
 
 
@@ -76,8 +76,11 @@ def sequence(setup: Setup, time_step: float | None = None) -> dict[str, FloatArr
     if law is not None:
         found["gain"] = np.zeros((len(found["ctrl"]), model.nu, 2 * model.nv))
         order = np.concatenate([setup.reference.velocities, model.nv + setup.reference.velocities])
-        for step, mine, shares in in_steps(setup.solution.time, _times(setup, time_step)[1]):
-            found["gain"][np.ix_(mine, setup.controls.addresses, order)] = law.gains(step, shares)
+        steps, shares = steps_at(setup.solution.time, _times(setup, time_step)[1])
+        for step in np.unique(steps):
+            mine = np.flatnonzero(steps == step)
+            gains = law.gains(int(step), shares[mine])
+            found["gain"][np.ix_(mine, setup.controls.addresses, order)] = gains
     return found
 
 

@@ -234,7 +234,9 @@ def _named(root: ET.Element, tag: str, name: str) -> ET.Element:
     for element in root.iter(tag):
         if element.get("name") == name:
             return element
-    raise ModelError(f"the model's text has no {tag} {name}: it cannot carry what the spec sets there")
+    raise ModelError(
+        f"the model's text has no {tag} {name}, whose numbers the spec sets: it cannot be exported"
+    )
 
 
 def _actuator(root: ET.Element, name: str) -> ET.Element:
@@ -243,7 +245,9 @@ def _actuator(root: ET.Element, name: str) -> ET.Element:
     )
     element = next(found, None)
     if element is None:
-        raise ModelError(f"the model's text has no actuator {name}: it cannot carry what the spec sets there")
+        raise ModelError(
+            f"the model's text has no actuator {name}, whose numbers the spec sets: it cannot be exported"
+        )
     return element
 
 

@@ -1,8 +1,8 @@
 /* Inertia correction: which shift of the Hessian to try next.
  *
  * A. Waechter and L. T. Biegler, Math. Program. 106, 2006, algorithm IC. See stc.solver.newton_system for the system. */
+#include "../kkt.h"
 #include "iteration.h"
-#include "../staged/contract.h"
 
 /* In units of the Hessian's usual curvature, which is taken to be within these. */
 #define FIRST_SHIFT 0.0001

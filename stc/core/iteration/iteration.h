@@ -96,7 +96,7 @@ typedef API_STRUCT {
     const evaluation *at;
     const linear_system *kkt;
     iterate *now, *trial;               /* the iterate, and the point tried */
-    iterate *nearest;                   /* w, y and z of the iterate with the smallest error */
+    iterate *incumbent;                 /* w, y and z of the iterate with the smallest error */
     step *step, *affine, *centring, *correction;
     filter *filter;                     /* of the search along a step */
     filter *accepted;                   /* of iterates while mu is chosen anew at each */
@@ -152,7 +152,7 @@ typedef API_STRUCT {
     /* What is watched and recorded. */
     double objective_now, dual_now;     /* of the iterate measured last */
     int64_t falling;                    /* 1 when the last step reduced the dual error little and the objective much */
-    double nearest_error, attention;    /* the error at which more is to be looked at */
+    double least_error, attention;      /* the error at which more is to be looked at */
     int64_t waiting, tiny_steps, small_steps, short_steps;
     int64_t waited, stalled;            /* 1: the best error is acceptable, but not improved; nothing moves any more */
     double theta_before;

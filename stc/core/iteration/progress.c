@@ -15,7 +15,7 @@ enum { ITS_PATIENCE = 15, MOST_TINY_STEPS = 2, MOST_SHORT_STEPS = 5 };
 int64_t progress_measure(iteration *it) {
     const formulation *form = it->form;
     const iterate *now = it->now;
-    iterate *nearest = it->nearest;
+    iterate *incumbent = it->incumbent;
     point_measure(it, 0.0);
     it->stated = now->f / form->objective_unit;
     invoke(it->calls, WATCH);
@@ -25,15 +25,15 @@ int64_t progress_measure(iteration *it) {
     it->falling = it->dual_error > CONTRACTION * it->dual_now && fall > ACCEPTABLE * dmax(1.0, fabs(now->f));
     it->objective_now = now->f;
     it->dual_now = it->dual_error;
-    if (it->error < PROGRESS * it->nearest_error)
+    if (it->error < PROGRESS * it->least_error)
         it->waiting = 0;
-    else if (it->nearest_error <= ACCEPTABLE)
+    else if (it->least_error <= ACCEPTABLE)
         it->waiting++;
-    if (it->error < it->nearest_error) {
-        it->nearest_error = it->error;
-        point_copy(form->size, now->w, nearest->w);
-        point_copy(form->m, now->y, nearest->y);
-        point_copy(form->gaps, now->z, nearest->z);
+    if (it->error < it->least_error) {
+        it->least_error = it->error;
+        point_copy(form->size, now->w, incumbent->w);
+        point_copy(form->m, now->y, incumbent->y);
+        point_copy(form->gaps, now->z, incumbent->z);
     }
     it->waited = it->waiting >= ITS_PATIENCE;
     it->stalled = it->tiny_steps >= MOST_TINY_STEPS || it->small_steps >= ITS_PATIENCE;

@@ -20,7 +20,7 @@ from stc.language.model.scope import FORCES
 from stc.language.model.surfaces import Surface, floor
 from stc.mechanism.forces import Wrench
 from stc.mechanism.impact import impact
-from stc.mechanism.vectors import ORIGIN, Vector, cross, dot, plus, vector
+from stc.mechanism.vectors import ORIGIN, Vector, cross, dot, minus, negative, plus, vector
 from stc.problem import (
     FrameRange,
     Guess,
@@ -57,19 +57,40 @@ class Contacts(Schedule):
         """The wrench of force variables at a contact's place."""
         force: Vector = (parts[0], parts[1], parts[2])
         torque: Vector = (parts[3], parts[4], parts[5]) if len(parts) > 3 else ORIGIN
+        surface = surface or self.surface(contact)
         if contact.radius:
-            standing = contact.free or next(iter(contact.phases), None)
-            down = (surface or (standing.surface if standing else floor(self.scope))).normal
-            torque = plus(torque, cross(vector([-contact.radius * part for part in down]), force))
+            torque = plus(torque, cross(vector([-contact.radius * part for part in surface.normal]), force))
         yield Wrench(contact.frame, force, torque)
+        if surface.frame is not None:  # It does not turn: only the force does anything to its body.
+            yield Wrench(surface.frame, negative(force))
+
+    def surface(self, contact: Contact) -> Surface:
+        """The surface on which a contact stands first; the floor for one that never stands."""
+        standing = contact.free or next(iter(contact.phases), None)
+        return standing.surface if standing else floor(self.scope)
+
+    def _seen(self, contact: Contact, surface: Surface) -> tuple[Vector, Vector, Vector]:
+        """Position, velocity and acceleration of a contact's place, as seen from a surface."""
+        place = self.paths.place(contact.frame)
+        if surface.frame is None:
+            return place
+        at, velocity, acceleration = [
+            minus(own, other) for own, other in zip(place, self.paths.place(surface.frame), strict=True)
+        ]
+        for lower, higher in ((at, velocity), (velocity, acceleration)):
+            for e, rate in zip(lower, higher, strict=True):
+                if e.args:
+                    self.paths.derivatives.setdefault(e, rate)
+        return at, velocity, acceleration
 
     def components(self) -> Iterator[tuple[Contact, list[tuple[str, Expr]]]]:
         """The force variables of every contact, each with the velocity conjugate to it."""
         for contact in self.contacts.values():
-            velocity = self.paths.place(contact.frame)[1]
+            surface = self.surface(contact)
+            velocity = self._seen(contact, surface)[1]
             turning = self.paths.turning(contact.frame)[0]
             if contact.radius:
-                down = vector([-contact.radius * part for part in floor(self.scope).normal])
+                down = vector([-contact.radius * part for part in surface.normal])
                 velocity = plus(velocity, cross(turning, down))
             rates = [*velocity, *turning][: len(contact.forces)]
             yield contact, list(zip(contact.forces, rates, strict=True))
@@ -165,7 +186,7 @@ class Contacts(Schedule):
 
     def heights_above(self, contact: Contact, surface: Surface) -> Iterator[Expr]:
         """Distances from a surface: of a point or sphere, or of the corners of a sole."""
-        at = self.paths.place(contact.frame)[0]
+        at = self._seen(contact, surface)[0]
         if contact.kind != "foot":
             yield sub(surface.height(at), num(contact.radius))
             return
@@ -177,13 +198,13 @@ class Contacts(Schedule):
 
     def places(self, contact: Contact, phase: Phase) -> list[Place]:
         """The functions that are constant while a contact stands."""
-        at, velocity, _ = self.paths.place(contact.frame)
         surface, given = phase.surface, phase.place
+        at, velocity, _ = self._seen(contact, surface)
         if contact.kind == "pin":
             return [_place(part, velocity[k], given[k : k + 1]) for k, part in enumerate(at)]
         up = dot(vector(surface.normal), velocity)
         found = [Place(up, sub(surface.height(at), num(contact.radius)))]
-        if phase.way:
+        if contact.slides_on(phase):
             return found
         for k, (along, tangent) in enumerate(zip(surface.along(at), surface.tangents, strict=True)):
             rate = dot(vector(tangent), velocity)
@@ -212,7 +233,7 @@ class Contacts(Schedule):
 
     def _centre(self, contact: Contact, phase: Phase) -> list[Place]:
         """The position of a rolling ball along its surface, as long as it does not turn."""
-        at, velocity, _ = self.paths.place(contact.frame)
+        at, velocity, _ = self._seen(contact, phase.surface)
         return [
             _place(along, dot(vector(tangent), velocity), phase.place[k : k + 1])
             for k, (along, tangent) in enumerate(
@@ -222,13 +243,13 @@ class Contacts(Schedule):
 
     def velocities(self, contact: Contact, phase: Phase, side: str = "") -> list[Expr]:
         """The velocity of the contact point along the surface's axes; for a foot its angular velocity too."""
-        _, velocity, _ = self.paths.place(contact.frame)
+        velocity = self._seen(contact, phase.surface)[1]
         turning = self.paths.turning(contact.frame)[0]
         return self._on_side(self._of_contact(contact, phase, velocity, turning), side)
 
     def accelerations(self, contact: Contact, phase: Phase) -> list[Expr]:
         """The rates of :meth:`velocities`."""
-        _, _, acceleration = self.paths.place(contact.frame)
+        acceleration = self._seen(contact, phase.surface)[2]
         turning = self.paths.turning(contact.frame)[1]
         return self._of_contact(contact, phase, acceleration, turning)
 
@@ -260,6 +281,9 @@ class Contacts(Schedule):
         along = [dot(vector(tangent), force) for tangent in surface.tangents]
         rates = self.velocities(contact, phase, "after" if what == "impulse" else "")
         moving = [k for k in (0, 1) if rates[k] is not ZERO]
+        if contact.glides:
+            yield from self.slippery(contact, phase, parts, where, what)
+            return
         if phase.way:
             if len(moving) != 1:
                 message = f"`{contact.name}` can slide in more than one direction, or in none"
@@ -298,25 +322,37 @@ class Contacts(Schedule):
         for body, text in sole_cone(along, up, (tip, tilt, turn), half, friction):
             yield Relation(body, ZERO, None, where, span, f"{contact.name} {text} ({what})")
 
+    def slippery(
+        self, contact: Contact, phase: Phase, parts: Sequence[Expr], where: FrameRange, what: str = "force"
+    ) -> Iterator[Relation]:
+        """No force along the surface, of a point without friction."""
+        rates = self.velocities(contact, phase, "after" if what == "impulse" else "")
+        for tangent, rate in zip(phase.surface.tangents, rates, strict=False):
+            if rate is not ZERO:
+                along = dot(vector(tangent), (parts[0], parts[1], parts[2]))
+                text = f"{contact.name} has no friction ({what})"
+                yield Relation(along, ZERO, ZERO, where, self.context.span(contact.statement), text)
+
     def holdings(self) -> Iterator[Holding]:
         """Every phase of every contact as a :class:`Holding`."""
         for contact in self.contacts.values():
             for phase in contact.phases:
                 places = self.places(contact, phase)
-                moved = (
-                    slice(2, 3) if phase.way else slice(None)
-                )  # what slides is held along the normal alone
+                slides = contact.slides_on(phase)
+                moved = slice(2, 3) if slides else slice(None)  # what slides is held along the normal alone
                 yield Holding(
                     name=contact.name,
                     path=contact.name,
                     frames=phase.frames,
                     span=self.context.span(phase.statement),
                     places=places,
-                    nearly=self._centre(contact, phase) if contact.radius and not phase.way else [],
+                    nearly=self._centre(contact, phase) if contact.radius and not slides else [],
                     velocities=self.velocities(contact, phase)[moved],
                     accelerations=self.accelerations(contact, phase)[moved],
                     landing=bool(phase.landing),
-                    at=() if contact.radius or phase.way else self.paths.place(contact.frame)[0],
+                    at=()
+                    if contact.radius or slides or phase.surface.frame
+                    else self.paths.place(contact.frame)[0],
                     height=None if contact.kind == "pin" else places[0].zero,
                     surface=phase.surface.name,
                 )
@@ -347,7 +383,9 @@ class Contacts(Schedule):
         for contact in self.contacts.values():
             for phase in contact.phases:
                 if phase.landing and "landing" in contact.options:
-                    speeds = self.velocities(contact, phase, "before")[2 if phase.way else 0 : 3]
+                    speeds = self.velocities(contact, phase, "before")[
+                        2 if contact.slides_on(phase) else 0 : 3
+                    ]
                     if contact.kind == "foot":  # of its edges
                         axes = self.scope.dynamics.kinematics.axes_of(contact.frame)
                         turning = self.paths.turning(contact.frame)[0]
@@ -366,6 +404,8 @@ class Contacts(Schedule):
         bearing = [c for c in self.contacts.values() if c.kind != "pin"]
         for contact in bearing:
             for phase in contact.phases:
+                if phase.surface.normal[2] <= 0.0:
+                    continue  # It bears no weight.
                 for frame in range(phase.frames.first, phase.frames.last + 1):
                     count = sum(p.frames.first <= frame <= p.frames.last for c in bearing for p in c.phases)
                     where = FrameRange(frame, min(frame + 1, phase.frames.last))
@@ -382,7 +422,7 @@ class Contacts(Schedule):
         return [
             height
             for one in self.contacts.values()
-            if one.kind != "pin"
+            if one.kind != "pin" and self.surface(one).frame is None
             for height in self.heights_above(one, ground)
         ]
 
@@ -402,6 +442,10 @@ class Contacts(Schedule):
             span = self.context.span(contact.statement)
             for part, name in zip(FORCES[contact.kind], contact.forces, strict=True):
                 yield ReplayChannel("contact", (*contact.path, part), sym(VariableRef(name)), span)
+            surface = self.surface(contact)
+            if surface.frame is not None:
+                for part, name in zip(FORCES["point"], contact.forces, strict=False):
+                    yield ReplayChannel("contact", (*surface.path, part), neg(sym(VariableRef(name))), span)
 
 
 def _place(at: Expr, rate: Expr, given: Sequence[Expr]) -> Place:

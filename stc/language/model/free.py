@@ -66,7 +66,9 @@ def free_contacts(contacts: Contacts) -> list[FreeContact]:
         if turning:
             along.append(dot(vector(phase.surface.normal), (turning[0], turning[1], turning[2])))
         span = contacts.context.span(phase.statement)
-        sticks = not contact.says("slides")
+        if contact.glides:
+            along = []
+        sticks = not contact.says("slides") and not contact.glides
         by_pairs = not sticks and len(_along(contact, along)) == 1
         found.append(
             FreeContact(
@@ -88,7 +90,7 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
     def row(body: Expr, lower: Expr | None, upper: Expr | None, text: str) -> Relation:
         return Relation(body, lower, upper, where, found.span, f"{contact.name} {text}")
 
-    along = _along(contact, found.slip)
+    along, forces = _along(contact, found.slip), [sym(VariableRef(name)) for name in contact.forces]
     friction = mul(contact.options["friction"], pressure)
     if not found.relaxed:
         yield from _pairs(contact, found, where, friction, *along[0])
@@ -98,12 +100,16 @@ def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact
         yield row(gap, ZERO, None, f"is not below the {surface.name}")
     yield row(pressure, ZERO, None, "pushes")
     yield row(mul(pressure, sum_of(found.gaps)), None, allowed, "pushes only where it touches")
+    if contact.glides:
+        yield from contacts.slippery(contact, phase, forces, where)
+        if contact.says("slides"):
+            yield row(sym(VariableRef(contact.slip)), ZERO, ZERO, "has no friction")
+        return
     if len(along) == 1 and contact.kind == "point":
         for sign in (1.0, -1.0):
             yield row(sub(friction, mul(num(sign), along[0][0])), ZERO, None, "has friction within its cone")
     else:
-        parts = [sym(VariableRef(name)) for name in contact.forces]
-        yield from contacts.cone(contact, phase, parts, where)
+        yield from contacts.cone(contact, phase, forces, where)
     allowed = mul(num(RATE), allowed)
     moving = [rate for rate in found.slip if rate is not ZERO]
     if found.sticks:

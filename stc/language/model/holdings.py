@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from stc.errors import Span
@@ -11,6 +11,7 @@ from stc.language.model.scope import ModelScope, path_of
 from stc.mechanism.equalities import Held, held
 from stc.mechanism.forces import Forces
 from stc.mechanism.tree import WORLD
+from stc.mechanism.vectors import dot, transposed
 from stc.problem import FrameRange, ParameterRef, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, sub, substitute, sym, symbols
@@ -58,6 +59,7 @@ class Holding:
         at: the position in the world of a fixed point.
         height: the distance from the surface of a standing contact.
         surface: the name of that surface.
+        loads: of an equality, the force along each of its rows.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Holding:
     at: tuple[Expr, ...] = ()
     height: Expr | None = None
     surface: str = ""
+    loads: Sequence[Expr] = ()
 
     def stands(self, step: int) -> bool:
         """Whether the constraint holds over the step that begins at a frame."""
@@ -134,16 +137,35 @@ class Equalities:
         """The model's equality constraints as holdings, each over all frames of the motion."""
         span = self.context.span(self.scope.statement)
         for name, one in self.found:
-            rates = [self.context.builder.derivative(place, 1) for place in one.places]
+            rows = self._rows(one)
+            # The angles of a weld are in the axes of a body as they are.
+            places = [*rows(one.places[:3]), *one.places[3:]]
+            rates = [self.context.builder.derivative(place, 1) for place in places]
             yield Holding(
                 name=f"equality {name}",
                 path=path_of("equality", name),
                 frames=self.context.everywhere,
                 span=span,
-                places=[Place(rate, place) for rate, place in zip(rates, one.places, strict=True)],
-                velocities=list(one.rates),
-                accelerations=list(one.accelerations),
+                places=[Place(rate, place) for rate, place in zip(rates, places, strict=True)],
+                velocities=rows(one.rates),
+                accelerations=rows(one.accelerations),
+                loads=rows([sym(VariableRef(path_of("equality", name, part))) for part in one.names]),
             )
+
+    def _rows(self, one: Held) -> Callable[[Sequence[Expr]], list[Expr]]:
+        """Vectors along the axes of the first of the bodies that an equality joins, where that moves.
+
+        A loop that moves in a plane has nothing to hold across it.  If the plane turns, the axis across it turns too.
+        """
+        if not one.ends or one.ends[0].segment == WORLD:
+            return list
+        axes = transposed(self.scope.dynamics.kinematics.axes_of(one.ends[0]))
+
+        def turned(parts: Sequence[Expr]) -> list[Expr]:
+            threes = [(parts[k], parts[k + 1], parts[k + 2]) for k in range(0, len(parts), 3)]
+            return [dot(axis, three) for three in threes for axis in axes]
+
+        return turned
 
 
 def _impulses(name: str, one: Held, impact: int) -> list[str]:

@@ -19,6 +19,8 @@ from stc.symbolic.expr import Expr, evaluate_all, symbols
 
 #: What is left of a unit row beside others, below which it counts as one of their combinations.
 DEPENDENT = 1e-6
+#: Loops of a configuration are closed to so much, in m or rad, in so many steps, none of which is larger than this.
+_CLOSED, _ROUNDS, _FAR = 1e-10, 50, 0.3
 
 Matrix = NDArray[np.float64]
 
@@ -55,6 +57,43 @@ class Point:
         return np.array([np.broadcast_to(np.asarray(row, float), (at,)) for row in rows]).reshape(
             len(rates), at
         )
+
+    def closed(self, zeros: Sequence[Expr], rates: Sequence[Expr]) -> Point:
+        """A configuration close by in which functions of it are 0; this one if none is found.
+
+        Source: Gauss-Newton steps of least norm.
+
+        Parameters
+        ----------
+        zeros, rates
+            The functions, and their derivatives with respect to time.
+        """
+        point = self
+        for _ in range(_ROUNDS if zeros else 0):
+            off = point.numbers(zeros)
+            if np.abs(off).max() < _CLOSED:
+                return point
+            step = np.linalg.lstsq(point.jacobian(rates), -off, rcond=DEPENDENT)[0]
+            point = point._moved(step * min(1.0, _FAR / max(np.abs(step).max(), _CLOSED)))
+        return self
+
+    def _moved(self, step: Matrix) -> Point:
+        """The configuration after a displacement along each degree of freedom, (nv,), to first order."""
+        values: dict[str, float] = {}
+        at = 0
+        for one in self.scope.coordinates:
+            for name in one.positions:
+                values[name] = self.known[VariableRef(name)] + float(step[at])
+                at += 1
+            if one.rotation is not None:
+                w, *v = (self.known[VariableRef(name)] for name in one.rotation.quaternion)
+                turn = step[at : at + 3] / 2.0
+                q = np.array([w - np.dot(v, turn), *(np.array(v) + w * turn + np.cross(v, turn))])
+                values.update(zip(one.rotation.quaternion, (q / np.linalg.norm(q)).tolist(), strict=True))
+                at += 3
+        moved = Point(self.scope, values, {})
+        moved.known = {**self.known, **moved.known}
+        return moved
 
     def _evaluated(self, bodies: Sequence[Expr], velocities: Mapping[object, Matrix]) -> list[Matrix]:
         values: dict[object, object] = {}

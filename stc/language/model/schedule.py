@@ -16,7 +16,7 @@ from stc.mechanism.tree import Frame
 from stc.mechanism.vectors import Vector, vector
 from stc.problem import FrameRange
 from stc.records import dataclass, field
-from stc.symbolic.expr import Expr, num
+from stc.symbolic.expr import Expr, is_literal, num
 
 OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "radius", "soft", "sudden", "slides")
 #: Which way a contact slides, along the axis of its surface along which it can move.
@@ -77,6 +77,15 @@ class Contact:
     def forces(self) -> list[str]:
         """The names of its force variables."""
         return [f"{self.name}_{part}" for part in FORCES[self.kind]]
+
+    @property
+    def glides(self) -> bool:
+        """Whether it is a point without friction: nothing holds it along its surface."""
+        return self.kind == "point" and is_literal(self.options["friction"], 0.0)
+
+    def slides_on(self, phase: Phase) -> bool:
+        """Whether it may move along its surface on the frames of a phase."""
+        return bool(phase.way) or self.glides
 
     def says(self, word: str) -> bool:
         """Whether an option without a value is given."""
@@ -325,6 +334,14 @@ class Schedule:
 
     def _order(self, contact: Contact) -> None:
         contact.phases.sort(key=lambda phase: phase.frames.first)
+        standing = [*contact.phases, *filter(None, [contact.free])]
+        for phase in standing:
+            if phase.surface.frame is not None and contact.kind == "pin":
+                message, hint = "a pin holds on to the world", "let a point or a foot stand there"
+                self.context.error(phase.statement, message, hint)
+            elif (phase.surface.frame or standing[0].surface.frame) and phase.surface != standing[0].surface:
+                message = f"`{contact.name}` stands on what moves, and on another surface as well"
+                self.context.error(phase.statement, message, "declare a contact for each of the two")
         if contact.free is not None and contact.phases:
             message = f"`{contact.name}` is free, and stands on {contact.phases[0].frames} as well"
             hint = "leave all of its frames to the solver, or none"

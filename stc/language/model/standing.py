@@ -77,11 +77,12 @@ class Standing:
     ) -> None:
         self.context, self.scope, self.contacts = context, scope, contacts
         self.pinned, self.periodic = pinned, periodic
-        self.holdings = [self._placed(one) for one in (*equalities.holdings(), *contacts.holdings())]
+        links = [self._placed(one) for one in equalities.holdings()]
+        self.holdings = [*links, *(self._placed(one) for one in contacts.holdings())]
         self.width = scope.mechanism.n_freedoms
         self.numbers = {k: v for k, v in self.context.constants.values.items() if v is not None}
         self._points: dict[int, Point] = {}
-        self.generic = self._generic()
+        self.generic = self._generic(links)
         self.drawn = self._drawn()
         self.stretches = list(self._stretches())
 
@@ -93,8 +94,10 @@ class Standing:
                 return replace(one, places=[place.known(values) for place in one.places])
         return one
 
-    def _generic(self) -> Point:
-        """A generic configuration, in which nothing is aligned by chance."""
+    def _generic(self, links: Sequence[Holding]) -> Point:
+        """A generic configuration, in which nothing is aligned by chance, and the model's loops are closed: what an
+        open one has to say across the plane in which it moves, a closed one has not.
+        """
         rng = np.random.default_rng(1)
         values: dict[str, float] = {}
         for one in self.scope.coordinates:
@@ -104,7 +107,9 @@ class Standing:
             if one.rotation is not None:
                 q = np.array(reference[len(one.positions) :]) + rng.normal(size=4, scale=0.1)
                 values.update(zip(one.rotation.quaternion, (q / np.linalg.norm(q)).tolist()))
-        return Point(self.scope, values, self.numbers)
+        places = [place for one in links for place in one.places if place.zero is not None]
+        zeros = [place.zero for place in places if place.zero is not None]
+        return Point(self.scope, values, self.numbers).closed(zeros, [place.rate for place in places])
 
     def _drawn(self) -> Point:
         """The model's first keyframe, or the pose of its file."""
@@ -195,6 +200,10 @@ class Standing:
                     yield from self._in_place(one, held, first)
                     yield from self._still(one, velocities, first)
                     yield from self._unaccelerated(one, velocities, stretch.frames)
+                for k, load in enumerate(one.loads):
+                    if k not in velocities:
+                        text = f"{one.name} bears nothing along what holds without it"
+                        yield Relation(load, ZERO, ZERO, stretch.frames, one.span, text)
         yield from self._starts()
         yield from self._limits()
 

@@ -1,32 +1,37 @@
-"""The surfaces for contacts: planes of the model, and faces of fixed boxes.
+"""The surfaces for contacts: planes of the model, faces of boxes, and planes through sites.
 
-A geom's margin is the distance at which its contacts begin to push; its surface is counted as that much farther out.
+They are fixed to the world or to a body that moves without turning, so that their normals are constant.  A geom's
+margin is the distance at which its contacts begin to push; its surface is counted as that much farther out.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from stc.language.model.paths import PathError, parts_of
 from stc.language.model.scope import ModelScope, quoted
-from stc.mechanism.mechanism import Geom, index_of
-from stc.mechanism.tree import drawn_pose, rotation
+from stc.mechanism.mechanism import Geom, Site
+from stc.mechanism.tree import WORLD, Frame, drawn_pose, rotation
 from stc.mechanism.vectors import Vector, dot, vector
 from stc.records import dataclass
-from stc.symbolic.expr import Expr, num, sub
+from stc.symbolic.expr import ZERO, Expr, num, sub
 
 Axis = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """A plane in the world.
+    """A plane in the world, or in a body that does not turn.
 
     Attributes:
         name: its name in messages.
         normal, tangents: unit vectors.
-        origin: origin of the coordinates along it.
-        friction, priority: sliding friction of its geom, and the priority of the geom.
+        origin: origin of the coordinates along it; zero for a plane that moves, which has it in its frame.
+        friction, condim, priority: of its geom; the first is sliding friction.
+        frame, path: of a plane that moves, its origin in its body, and the geom or site to which it belongs.
     """
 
     name: str
@@ -34,16 +39,26 @@ class Surface:
     tangents: tuple[Axis, Axis]
     origin: Axis
     friction: float
+    condim: int = 3
     priority: int = 0
+    frame: Frame | None = None
+    path: tuple[str, str] = ("", "")
 
     def friction_with(self, geom: Geom | None) -> float:
         """The sliding friction of a geom on this surface, as MuJoCo combines the two; of no geom, the surface's own.
 
-        Where one has the higher priority its own counts, else the larger of both.
+        Where one has the higher priority its own counts, else the larger of both.  There is none where the contact has
+        one dimension (``condim``).
         """
-        if geom is None or geom.priority < self.priority:
+        if geom is None:
             return self.friction
-        return geom.friction[0] if geom.priority > self.priority else max(self.friction, geom.friction[0])
+        if geom.priority < self.priority:
+            friction, condim = self.friction, self.condim
+        elif geom.priority > self.priority:
+            friction, condim = geom.friction[0], geom.condim
+        else:
+            friction, condim = max(self.friction, geom.friction[0]), max(self.condim, geom.condim)
+        return friction if condim > 1 else 0.0
 
     def height(self, at: Vector) -> Expr:
         """The distance of a place from the plane."""
@@ -73,51 +88,75 @@ def floor(scope: ModelScope) -> Surface:
 
 
 def surface_of(scope: ModelScope, path: str) -> Surface:
-    """The surface of a geom: a plane, or the face of a box that faces upwards most.
+    """The surface of a geom: a plane, or the face of a box that faces upwards most; or that of a site, whose z axis is
+    the normal.
 
     Raises:
-        PathError: there is no such geom, it moves, or it has no flat face.
+        PathError: there is no such geom or site, it turns, or it has no flat face.
     """
     kind, *rest = parts_of(path)
-    names = [geom.name for geom in scope.mechanism.geoms if geom.name]
-    if kind != "geom" or len(rest) != 1:
+    things: dict[str, Sequence[Geom | Site]] = {"geom": scope.mechanism.geoms, "site": scope.mechanism.sites}
+    if kind not in things or len(rest) != 1:
+        names = [geom.name for geom in scope.mechanism.geoms if geom.name]
         raise PathError(
             f"`{path}` is not a surface",
             f"write one of {', '.join(f'`geom.{quoted(n)}`' for n in names[:8])}",
         )
-    index = index_of(scope.mechanism.geoms, rest[0])
-    if index is None:
-        raise PathError(f"the model has no geom `{rest[0]}`", f"its geoms are {', '.join(names[:12])}")
-    geom = scope.mechanism.geoms[index]
-    if not _is_fixed(scope, geom):
-        where = f" ({geom.place})" if geom.place else ""
-        hint = "contacts stand on what nothing moves; hold on to a body that moves by an `<equality>` of the model"
-        raise PathError(f"the geom `{rest[0]}` moves{where}: standing on it cannot be stated", hint)
-    if geom.kind not in ("plane", "box"):
+    thing = next((one for one in things[kind] if one.name == rest[0]), None)
+    if thing is None:
+        names = [one.name for one in things[kind] if one.name]
+        raise PathError(f"the model has no {kind} `{rest[0]}`", f"its {kind}s are {', '.join(names[:12])}")
+    if isinstance(thing, Geom) and thing.kind not in ("plane", "box"):
         raise PathError(
-            f"the geom `{rest[0]}` is a {geom.kind}", "contacts stand on planes and on faces of boxes"
+            f"the geom `{rest[0]}` is a {thing.kind}", "contacts stand on planes and on faces of boxes"
         )
-    turn, at = _pose(scope, geom)
-    if geom.kind == "box":
-        upwards = int(np.argmax(np.abs(turn[2])))
-        sign = 1.0 if turn[2, upwards] > 0 else -1.0
-        normal = sign * turn[:, upwards]
-        at = at + (geom.size[upwards] + geom.margin) * normal
-        ahead = turn[:, (upwards + 1) % 3] if upwards != 2 else turn[:, 0]
-        turn = np.array([ahead, np.cross(normal, ahead), normal]).T
-    else:
-        at = at + geom.margin * turn[:, 2]
-    return _surface(rest[0], turn, at, geom)
+    turn, at = _face(scope, thing)
+    geom = thing if isinstance(thing, Geom) else None
+    frame = scope.dynamics.tree.frames[thing.body]
+    if frame.segment == WORLD:
+        return _of(thing, _surface(rest[0], turn, at, geom))
+    if any(part is not ZERO for part in scope.dynamics.kinematics.rate_of(frame)):
+        where = f" ({geom.place})" if geom and geom.place else ""
+        hint = (
+            "contacts stand on what nothing moves, or what slides without turning; hold on to a body that turns by an "
+            "`<equality>` of the model"
+        )
+        raise PathError(f"the {kind} `{rest[0]}` turns{where}: standing on it cannot be stated", hint)
+    # Its body has the same axes throughout.
+    body, origin = drawn_pose(scope.mechanism, thing.body)
+    there = scope.dynamics.tree.frame(thing.body, vector((body.T @ (at - origin)).tolist()))
+    found = _of(thing, _surface(rest[0], turn, np.zeros(3), geom))
+    return replace(found, frame=there, path=(kind, rest[0]))
+
+
+def _of(thing: Geom | Site, surface: Surface) -> Surface:
+    """The surface of a thing: that of a site has no friction of its own, so that the contact's geom tells it."""
+    return surface if isinstance(thing, Geom) else replace(surface, priority=-1)
+
+
+def _face(scope: ModelScope, thing: Geom | Site) -> tuple[np.ndarray, np.ndarray]:
+    """Axes of a face, as columns with the normal last, and a point of it, where the bodies are drawn."""
+    turn, at = _pose(scope, thing)
+    if not isinstance(thing, Geom):
+        return turn, at
+    if thing.kind == "plane":
+        return turn, at + thing.margin * turn[:, 2]
+    upwards = int(np.argmax(np.abs(turn[2])))
+    sign = 1.0 if turn[2, upwards] > 0 else -1.0
+    normal = sign * turn[:, upwards]
+    ahead = turn[:, (upwards + 1) % 3] if upwards != 2 else turn[:, 0]
+    face = np.array([ahead, np.cross(normal, ahead), normal]).T
+    return face, at + (thing.size[upwards] + thing.margin) * normal
 
 
 def _is_fixed(scope: ModelScope, geom: Geom) -> bool:
     return scope.dynamics.tree.frames[geom.body].segment < 0
 
 
-def _pose(scope: ModelScope, geom: Geom) -> tuple[np.ndarray, np.ndarray]:
-    """Axes, as columns, and position of a fixed geom."""
-    turn, at = drawn_pose(scope.mechanism, geom.body)
-    return turn @ rotation(geom.quat), at + turn @ np.array(geom.pos)
+def _pose(scope: ModelScope, thing: Geom | Site) -> tuple[np.ndarray, np.ndarray]:
+    """Axes, as columns, and position of a geom or site, where the bodies are drawn."""
+    turn, at = drawn_pose(scope.mechanism, thing.body)
+    return turn @ rotation(thing.quat), at + turn @ np.array(thing.pos)
 
 
 def _surface(name: str, turn: np.ndarray, origin: np.ndarray, geom: Geom | None) -> Surface:
@@ -126,5 +165,5 @@ def _surface(name: str, turn: np.ndarray, origin: np.ndarray, geom: Geom | None)
         return x, y, z
 
     x, y, z = [float(part) for part in origin]
-    friction, priority = (1.0, 0) if geom is None else (geom.friction[0], geom.priority)
-    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), friction, priority)
+    own = (1.0,) if geom is None else (geom.friction[0], geom.condim, geom.priority)
+    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), *own)

@@ -42,11 +42,10 @@ class KKTSystem(Protocol):
     """A factorisation of K for one sparsity and many values.
 
     Implementations are built with
-    ``(n, m, jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage, held, equations)``: the sizes; the row and
+    ``(n, m, jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage, held)``: the sizes; the row and
     column of each entry of J, (nnz_J,), and of the lower triangle of H, (nnz_H,), every entry once; the elimination
-    group of each variable, (n,), and row, (m,), groups being eliminated in increasing order; which variables
-    never move, (n,), their entries of J and H being zero; and which rows are equations, (m,), whose d is next to
-    nothing: none of either when left out.
+    group of each variable, (n,), and row, (m,), groups being eliminated in increasing order; and which variables
+    never move, (n,), their entries of J and H being zero: none when left out.
     """
 
     @property

@@ -68,7 +68,6 @@ class DenseKKT(ByCopies):
         var_stage: Ints,
         row_stage: Ints,
         held: NDArray[np.bool_] | None = None,
-        equations: NDArray[np.bool_] | None = None,
     ) -> None:
         self.n = n
         self.m = m

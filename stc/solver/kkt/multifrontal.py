@@ -45,7 +45,6 @@ class MultifrontalKKT(ByCopies):
         var_stage: Ints,
         row_stage: Ints,
         held: NDArray[np.bool_] | None = None,
-        equations: NDArray[np.bool_] | None = None,
     ) -> None:
         couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
         stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.calls import Bound
+from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.choice import new_system
 from stc.solver.kkt.contract import Inertia
 from stc.solver.kkt.entries import ByCopies
 from stc.solver.kkt.multifrontal import MultifrontalKKT
-from stc.solver.kkt.planned import PlannedKKT
 from stc.solver.nlp import Floats, Ints
 
 __all__ = ["StructuredKKT", "forget"]
@@ -31,11 +31,11 @@ KEPT_BYTES = 128 * 2**20
 LARGEST = 200_000
 
 _lock = threading.RLock()  # the garbage collector may give one back while another is looked up
-_kept: OrderedDict[bytes, PlannedKKT | MultifrontalKKT] = OrderedDict()
+_kept: OrderedDict[bytes, BatchedKKT | MultifrontalKKT] = OrderedDict()
 
 
 class StructuredKKT(ByCopies):
-    """What ``choice`` finds to suit: a chain, segments or a tree of fronts.
+    """What ``choice`` finds to suit: segments side by side, or a tree of fronts.
 
     A new one, or one from an earlier solve.
 
@@ -59,11 +59,9 @@ class StructuredKKT(ByCopies):
         var_stage: Ints,
         row_stage: Ints,
         held: NDArray[np.bool_] | None = None,
-        equations: NDArray[np.bool_] | None = None,
     ) -> None:
         held = np.zeros(n, dtype=bool) if held is None else held
-        equations = np.zeros(m, dtype=bool) if equations is None else equations
-        arrays = jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage, held, equations
+        arrays = jac_rows, jac_cols, hess_rows, hess_cols, var_stage, row_stage, held
         system = None
         if n + m <= LARGEST:
             digest = blake2b(f"{n} {m}".encode(), digest_size=16)
@@ -203,7 +201,7 @@ def forget() -> None:
         _kept.clear()
 
 
-def _keep(key: bytes, system: PlannedKKT | MultifrontalKKT) -> None:
+def _keep(key: bytes, system: BatchedKKT | MultifrontalKKT) -> None:
     """Keep a factorisation that has served, and give up the oldest ones beyond the limits."""
     with _lock:
         _kept[key] = system

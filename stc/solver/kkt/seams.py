@@ -19,14 +19,45 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.arrays import distinct
 from stc.records import dataclass
 from stc.solver.kkt.couplings import Couplings
-from stc.solver.kkt.lane_program import Kind
-from stc.solver.kkt.segments import ACROSS, Segmentation
+from stc.solver.kkt.segments import ACROSS, BORDERING, Segmentation
 
-__all__ = ["Sewn", "sew"]
+__all__ = ["Kind", "Sewn", "kind_of", "sew"]
 
 Int64s = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What stages of one kind have in common.
+
+    Attributes:
+        own, variables: unknowns of a stage, and how many of them, the first ones, are variables.
+        following: places of those in the next stage that it couples with, (F,).
+        border: numbers of the unknowns of the border that it couples with, (B,).
+    """
+
+    own: int
+    variables: int
+    following: Int64s
+    border: Int64s
+
+    def order(self, steps: int) -> Int64s:
+        """Unknowns of a segment, counted step by step: all variables, then all rows."""
+        places = np.arange(steps * self.own)
+        is_row = places % self.own >= self.variables
+        return np.concatenate([places[~is_row], places[is_row]])
+
+
+def kind_of(found: Segmentation, number: int, n: int) -> Kind:
+    """What the stages of a segmentation's kind couple with; unknowns below ``n`` are variables."""
+    codes, base, stages = found.codes[number], found.base, found.stages
+    types, j = codes // base**2, codes % base
+    begin, end = stages.pointers[found.example[number] :][:2]
+    variables = int(np.count_nonzero(stages.order[begin:end] < n))
+    return Kind(int(end - begin), variables, distinct(j[types == ACROSS]), distinct(j[types == BORDERING]))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@
 
 Segments are sewn together by unknowns of their own (see stc.solver.kkt.seams), so that each of them couples with the
 seams alone, or with a stage left out, and with unknowns of the last stage group (parameters) and others that couple
-with many stages, the border.  What is left out, the rest, is a chain again, of few stages.
+with many stages, the border.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from stc.arrays import ranks
 from stc.core.functions import function
 from stc.records import dataclass
 from stc.solver.kkt.couplings import Couplings, sort_by_key
-from stc.solver.kkt.lane_runs import RUN
 
 __all__ = [
     "Group",
@@ -42,7 +41,7 @@ SHORTEST = 3
 #: Unknowns that couple with distant stages at most.
 LARGEST_BORDER = 64
 #: Unknowns of a stage at most: larger ones leave the nearest memory, and do well one by one.
-LARGEST_STAGE = 120
+LARGEST_STAGE = 60
 #: A step of eight segments takes this many times as long as a stage of the rest, about, and more by one for so many
 #: unknowns of a stage: there are more rows, and wide ones do well in the rest, too.
 STEP_COST = 1.5
@@ -57,9 +56,6 @@ WORTH = 0.8
 EVENING = 0.015
 SHARED = 5e4
 SMALLER_PART = 0.25
-#: Entries of RUN steps are loaded at once where all segments have them at the same places of lines of memory: lengths
-#: that are whole multiples of that are worth this share of all.
-WHOLE = 0.02
 #: Kinds of codes of entries: inside a stage, with the next stage, with the border, on the diagonal of H; variables
 #: that are held. Without these, a segment that begins right before a waypoint has a matrix without inverse.
 INSIDE, ACROSS, BORDERING, CURVED, HELD = range(5)
@@ -326,9 +322,6 @@ def _span(lengths: Int64s, width: int) -> tuple[float, int]:
     even = int(np.argmin(np.where(groups % 2 == 0, cost, np.inf)))
     if cost[even] <= (1.0 + EVENING) * cost[best]:
         best = even
-    whole = int(np.argmin(np.where((steps % RUN == 0) & (groups % 2 == groups[best] % 2), cost, np.inf)))
-    if cost[whole] <= (1.0 + WHOLE) * cost[best]:
-        best = whole
     return float(cost[best]), int(steps[best])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stc.solution import Solution
+from stc.validate import validate
 
 from .bodies import FEET, load, put, quadruped, residual
 
@@ -147,3 +148,35 @@ def test_what_stands_bears_its_part_of_another_ones_impact(tmp_path: Path) -> No
     landing = (inertia + 3.0 * 0.5**2) * spin.before[10]
     assert solution["right_jz1"] == pytest.approx(landing, rel=1e-4)
     assert solution["left_jz_impact1"] == pytest.approx(3.0 * 0.5 * spin.before[10] - landing, rel=1e-4)
+
+
+#: The same loop on a table that turns, so that it moves in a plane, and the plane with it.
+ON_A_TABLE = """<mujoco><option timestep="1e-3" integrator="RK4"/>
+  <default><joint damping=".05"/><geom contype="0" conaffinity="0"/></default><worldbody>
+  <body name="table" pos="0 0 1"><joint name="table" axis="0 0 1"/><geom type="box" size=".3 .1 .02" mass="2"/>
+    <body name="a" pos="-.2 0 0"><joint name="a" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 .2" size=".01" mass=".2"/>
+      <body name="b" pos="0 0 .2"><joint name="b" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 .4 0 .1" size=".01" mass=".3"/></body></body>
+    <body name="c" pos=".2 0 0"><joint name="c" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 .3" size=".01" mass=".2"/></body></body></worldbody>
+  <equality><connect name="pin" body1="b" body2="c" anchor=".4 0 .1"/></equality>
+  <actuator><motor name="table" joint="table"/><motor name="a" joint="a"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("turned", [0.4, np.pi / 2, 2.5])
+def test_a_loop_in_a_plane_that_turns_bears_nothing_across_it(tmp_path: Path, turned: float) -> None:
+    """Whichever way the plane is, which no axis of the world tells; MuJoCo repeats the motion with its own link."""
+    spec = """constants: n = 30, T = 1, h = T/n, turned = {turned};
+        constraints: [0]: keyframe.reference; rest;  [n]: joint.table = turned; joint.a = 0.5; rest;
+        objective: [0, n]: integral(effort);
+        replay: set option.solref.time = 0.0005;"""
+    solution = load(tmp_path, ON_A_TABLE, spec.format(turned=turned)).solve()
+    assert solution.status == "optimal"
+    assert solution.iterations < 100
+    assert gaps(solution, ON_A_TABLE).max() < 1e-9
+    x, y = solution["equality.pin.fx"], solution["equality.pin.fy"]
+    angle = solution["joint.table"]
+    assert np.abs(np.cos(angle) * y - np.sin(angle) * x).max() < 1e-9 * np.abs([x, y]).max()
+    report = validate(solution)
+    assert report.passed, [str(m) for m in report.metrics if m.verdict == "fail"]

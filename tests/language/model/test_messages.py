@@ -119,11 +119,11 @@ def test_limits_below_a_pose_are_told_of(tmp_path: Path, lines: str, warned: boo
     assert bool(found) == warned
 
 
-def test_a_surface_that_moves_is_named_with_its_line(tmp_path: Path) -> None:
-    platform = '<body><joint name="lift" type="slide"/><geom name="platform" type="box" size="1 1 .1" mass="1"/></body>'
+def test_a_surface_that_turns_is_named_with_its_line(tmp_path: Path) -> None:
+    platform = '<body><joint name="tilt" axis="0 1 0"/><geom name="platform" type="box" size="1 1 .1" mass="1"/></body>'
     model = quadruped().replace('<geom name="floor"', f'{platform}\n<geom name="floor"')
     text = f"{START}contact: FL = point(site.FL); [0, n]: FL on geom.platform;"
     with pytest.raises(
-        SpecError, match=r"the geom `platform` moves \(.*robot.xml:3\): standing on it cannot be stated"
+        SpecError, match=r"the geom `platform` turns \(.*robot.xml:3\): standing on it cannot be stated"
     ):
         load(tmp_path, model, text).problem()

@@ -63,3 +63,34 @@ def test_a_radius_is_a_number_and_of_a_point_of_a_body(tmp_path: Path, place: st
     spec = spec.replace("point(body.log, 0, 0.3, 0)", place)
     with pytest.raises(SpecError, match="radius"):
         load(tmp_path, LOG.format(height=0.1, floor="", log=""), spec).problem()
+
+
+#: A ball without friction on a floor that has some.
+SLED = """<mujoco><option timestep=".0005"/><worldbody><geom name="floor" type="plane" size="5 5 1" friction=".8"/>
+  <body name="sled" pos="0 0 .1"><freejoint name="root"/><geom name="runner" size=".1" mass="2" {runner}/></body>
+  </worldbody></mujoco>"""
+
+GLIDE = """constants: n = 10, T = 0.5, h = T/n;
+contact: runner = point(geom.runner); [0, n]: runner;
+constraints:
+  [0]: keyframe.reference grounded; joint.root.x' = 0.6; joint.root.y' = 0.2; joint.root.wx = 3;
+       joint.root.z'; joint.root.wy; joint.root.wz;
+objective: [0, n]: integral(0);
+replay: set option.solref.time = 0.0005;
+"""
+
+
+def test_a_point_without_friction_glides(tmp_path: Path) -> None:
+    """Neither its velocity nor its spin changes, whether the contact has one dimension or no friction."""
+    for runner in ('condim="1" priority="1"', 'friction="0 0 0" priority="1"'):
+        model = load(tmp_path, SLED.format(runner=runner), GLIDE)
+        solution = model.solve()
+        assert solution.status == "optimal"
+        assert solution["joint.root.x"][-1] == pytest.approx(0.3, abs=1e-9)
+        assert solution["joint.root.y"][-1] == pytest.approx(0.1, abs=1e-9)
+        assert solution["joint.root.wx"] == pytest.approx(3.0, abs=1e-9)
+        assert solution["runner_fz"] == pytest.approx(2 * 9.81, abs=1e-9)
+        assert abs(solution["runner_fx"]) + abs(solution["runner_fy"]) == pytest.approx(0.0, abs=1e-9)
+        report = validate(solution)
+        assert report.passed, [str(m) for m in report.metrics if m.verdict == "fail"]
+        assert not any("moves by" in note for note in report.notes)

@@ -7,10 +7,9 @@ from unittest import mock
 import numpy as np
 from solver.kkt.kkt_problems import Builder, Pattern
 
-from stc.solver.kkt import chain, folding, segments
-from stc.solver.kkt.chain import ChainKKT
+from stc.solver.kkt import segments
+from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.couplings import Couplings
-from stc.solver.kkt.segmented import SegmentedKKT
 from stc.solver.kkt.segments import Segmentation, find_segments, number_stages
 
 
@@ -56,28 +55,7 @@ def parts(pattern: Pattern, *, shared: bool = False) -> tuple[Couplings, np.ndar
         return couplings, stage, None if numbered is None else find_segments(numbered)
 
 
-def system_of(pattern: Pattern, *, shared: bool = False) -> SegmentedKKT:
+def system_of(pattern: Pattern, *, shared: bool = False) -> BatchedKKT:
     couplings, stage, found = parts(pattern, shared=shared)
     assert found is not None
-    return SegmentedKKT(couplings, stage, found)
-
-
-def chain_of(
-    pattern: Pattern,
-    held: np.ndarray | None = None,
-    equations: np.ndarray | None = None,
-    *,
-    folded: bool = False,
-) -> ChainKKT:
-    """However narrow its stages are; from both ends, however few they are, where it is to be ``folded``."""
-    couplings, stage = structure(pattern)
-    numbered = number_stages(couplings, stage, held)
-    assert numbered is not None
-    with (
-        mock.patch.object(chain, "FOLDED", 0.0 if folded else np.inf),
-        mock.patch.object(folding, "SHORTEST", 2),
-    ):
-        found = chain.find_chain(couplings, stage, numbered, held, equations)
-    assert found is not None
-    assert bool(found.parts) == folded
-    return ChainKKT(couplings, stage, found)
+    return BatchedKKT(couplings, stage, found)

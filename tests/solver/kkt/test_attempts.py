@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from solver.kkt.kkt_problems import generic
-from solver.kkt.motions import chain_of, motion, system_of
+from solver.kkt.motions import motion, system_of
 
-from stc.solver.kkt import DenseKKT, MultifrontalKKT, planned
+from stc.solver.kkt import DenseKKT, MultifrontalKKT
 from stc.solver.kkt.contract import Inertia, NotFinite
 
-SYSTEMS = [system_of, chain_of, lambda pattern: MultifrontalKKT(*pattern.arguments())]
+SYSTEMS = [system_of, lambda pattern: MultifrontalKKT(*pattern.arguments())]
 
 
 def settled(system, rng):
@@ -82,69 +82,18 @@ def test_attempts_refuse_what_is_not_finite(system):
             assert kkt.factorizations > 9
 
 
-@pytest.mark.parametrize("system", SYSTEMS[:2])
-def test_the_first_matrix_after_a_restart_is_attempted(system, monkeypatch):
-    """With the plan that suited the first one before, and a scale of its own."""
-    rng = np.random.default_rng(23)
-    pattern = motion(rng, 40)
-    kkt = system(pattern)
-    judge = DenseKKT(*pattern.arguments())
-    values = generic(rng, pattern)
-    for _ in range(3):
-        kkt.factorize(*values.arguments())
-    scale = kkt._scale.copy()
-    kkt.restart()
-    assert kkt.factorizations == 0
-    # Other units: the old scale would not do.
-    unit = 1e6 ** rng.uniform(-1.0, 1.0, pattern.n)
-    values.jac *= unit[pattern.jac_cols]
-    values.hess *= unit[pattern.hess_rows] * unit[pattern.hess_cols]
-    values.primal *= unit**2
-    kkt.hess[:], kkt.jac[:], kkt.primal[:], kkt.dual[:] = values.arguments()
-    assert kkt.attempt_call is None  # whoever makes it himself wants to solve with what was factorised before
-    with monkeypatch.context() as only:
-        only.setattr(kkt, "_refactor", None)
-        only.setattr(kkt, "resume", None)
-        assert kkt.refactor() == judge.factorize(*values.arguments())
-    assert Inertia(*kkt.inertia.tolist()) == judge.factorize(*values.arguments())
-    assert kkt.factorizations == 1
-    assert kkt.attempt_call is not None
-    assert np.abs(np.log(kkt._scale / scale)).max() > 3.0
-    kkt.restart()
-    kkt.hess[0] = np.nan
-    with pytest.raises(NotFinite):
-        kkt.refactor()
-    kkt.hess[0] = values.hess[0]
-    assert kkt.refactor() == judge.factorize(*values.arguments())
-
-
-@pytest.mark.parametrize("system", SYSTEMS[:2])
-def test_an_attempt_made_ready_before_another_factorisation_asks_for_a_new_one(system):
-    """That one may have left another plan to go on with, and one that no solve has been bound for."""
-    kkt, _, _, call = settled(system, np.random.default_rng(24))
-    inertia = kkt._refactor()
-    ended = call()
-    assert 0 < ended < planned.ELIMINATED
-    assert kkt.resume(ended) == inertia
-    again = kkt.attempt_call
-    assert again is not None
-    assert again() == 0
-
-
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_solves_follow_a_factorisation_that_had_to_be_repeated(system, monkeypatch):
     """A larger threshold gives other factors: whoever solves then has to use those."""
     rng = np.random.default_rng(23)
     kkt, pattern, values, _ = settled(system, rng)
-    # All matrices are factorised as if no plan suited them.
-    monkeypatch.setattr(planned.PlannedKKT, "_refactor_by_plans", lambda self, ended: None)
-    monkeypatch.setattr(planned.PlannedKKT, "_next_attempt", lambda self: None)
     judge = DenseKKT(*pattern.arguments())
     for _ in range(2):
         values.jac *= rng.uniform(0.9, 1.1, values.jac.size)
         assert kkt.factorize(*values.arguments()) == judge.factorize(*values.arguments())
         with monkeypatch.context() as patched:
-            patched.setattr("stc.solver.kkt.multifrontal.DOUBTFUL", -1.0)
+            for module in ("multifrontal", "batched"):
+                patched.setattr(f"stc.solver.kkt.{module}.DOUBTFUL", -1.0)
             kkt.rhs[:] = rng.normal(size=kkt.rhs.size)
             kkt.solve_call()
             assert kkt.check_solution()

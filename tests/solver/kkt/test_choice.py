@@ -25,7 +25,6 @@ def irregular(rng: np.random.Generator, frames: int, width: int) -> Pattern:
 def test_wide_stages():
     rng = np.random.default_rng(8)
     pattern = irregular(rng, 6, 60)
-    held, equations = np.zeros(pattern.n, dtype=bool), np.zeros(pattern.m, dtype=bool)
-    kkt = new_system(*pattern.arguments(), held, equations)
+    kkt = new_system(*pattern.arguments(), np.zeros(pattern.n, dtype=bool))
     assert isinstance(kkt, MultifrontalKKT)
     check(kkt, pattern, generic(rng, pattern), rng)

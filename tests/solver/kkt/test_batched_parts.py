@@ -9,11 +9,11 @@ from solver.kkt.motions import motion, parts, system_of
 from solver.kkt.test_contract import check
 
 from stc.codegen import threads
-from stc.solver.kkt.lane_state import COUNTED
+from stc.solver.kkt.batched import BatchedKKT
 
 
 def _plain(rng, pattern):
-    """Values of a convex problem with independent constraints, so that a plan suits."""
+    """Values of a convex problem with independent constraints."""
     values = generic(rng, pattern)
     values.hess = np.abs(values.hess) * (pattern.hess_rows == pattern.hess_cols)
     values.primal[:] = 1.0
@@ -26,20 +26,19 @@ def test_two_parts_against_dense_algebra(two_threads, values_of):
     for seed in range(3):
         rng = np.random.default_rng(seed)
         pattern = motion(rng, 45, parameters=seed, waypoint=seed == 2)
-        kkt = system_of(pattern, shared=True)
-        assert len(kkt._found.parts) == 2
+        couplings, stage, found = parts(pattern, shared=True)
+        assert found is not None
+        assert len(found.parts) == 2
+        kkt = BatchedKKT(couplings, stage, found)
         for _ in range(2):
             check(kkt, pattern, values_of(rng, pattern), rng)
 
 
 def test_the_same_bits_on_one_thread(two_threads):
-    """Whether a second thread takes a part is seen in no digit of inertia, factors and solutions."""
+    """Whether a second thread takes a part is seen in no digit of inertia and solutions."""
     rng = np.random.default_rng(30)
     pattern = motion(rng, 120, parameters=1)
     values = [_plain(rng, pattern) for _ in range(6)]
-    for own in values:  # not so different that another plan would suit
-        own.hess[:] = values[0].hess + 1e-3 * own.hess
-        own.jac[:] = values[0].jac + 1e-3 * own.jac
     rhs = rng.normal(size=(6, 2, pattern.n + pattern.m))
     seen = []
     for limit in (2, 1):
@@ -48,12 +47,11 @@ def test_the_same_bits_on_one_thread(two_threads):
         results = []
         for own, (one, other) in zip(values, rhs, strict=True):
             inertia = kkt.factorize(*own.arguments())
-            assert kkt._by_plan
             kkt.rhs[:], kkt.second_rhs[:] = one, other
             kkt.solve_both_call()
             both = kkt.solution.tobytes(), kkt.second_solution.tobytes()
             kkt.solve_call()
-            results.append((inertia, kkt._plan_in_use().factors.tobytes(), *both, kkt.solution.tobytes()))
+            results.append((inertia, *both, kkt.solution.tobytes()))
         seen.append(results)
     assert seen[0] == seen[1]
 
@@ -82,21 +80,21 @@ def test_little_work_is_not_shared():
 
 @pytest.mark.parametrize("part", [0, 1])
 def test_a_pivot_that_one_part_refuses(two_threads, part):
-    """The whole matrix is factorised another way then, and by the plan again when that serves."""
+    """The whole matrix is factorised another way then, and those after it part by part again."""
     rng = np.random.default_rng(33)
     pattern = motion(rng, 45)
-    kkt = system_of(pattern, shared=True)
+    couplings, stage, found = parts(pattern, shared=True)
+    assert found is not None
+    kkt = BatchedKKT(couplings, stage, found)
     values = _plain(rng, pattern)
     check(kkt, pattern, values, rng)
-    assert kkt._by_plan
-    first, _ = kkt._found.parts
-    group = kkt._found.groups[0 if part == 0 else first]
+    first, _ = found.parts
+    group = found.groups[0 if part == 0 else first]
     frame = int(group.stages[1, 0])
     own = np.flatnonzero(pattern.row_stage == frame)[:2]
     jac = values.jac.copy()
     values.jac[np.isin(pattern.jac_rows, own)] = 0.0  # rows of nothing
     inertia = kkt.factorize(*values.arguments())
     assert inertia.zero == 2
-    assert kkt._plans.now.state[COUNTED] >= 0
     values.jac[:] = jac
     check(kkt, pattern, values, rng)

@@ -1,8 +1,8 @@
-/* Which stages a horizon has: frames or others, equations that wait, and runs of stages that are alike. */
+/* Which stages a horizon has: frames or others, and runs of stages that are alike. */
 #ifndef STC_ARRANGING_H
 #define STC_ARRANGING_H
 
-#include "../native.h"
+#include "native.h"
 
 /* Stable order of keys below count, and where the run of each begins, (count + 1,), zeros at first. */
 API void arranging_counting_sort(int64_t size, const int32_t *restrict keys, int64_t count,
@@ -36,17 +36,5 @@ API int64_t arranging_ends(int64_t count, const int32_t *restrict pointers, cons
 API int64_t arranging_levels_from(int64_t count, const int32_t *restrict sources, int64_t one_by_one, int64_t parts,
                                   const int32_t *restrict pointers, const int32_t *restrict target,
                                   int32_t *restrict level, int32_t *restrict part, int32_t *restrict queue);
-
-/* Move rows to the next stage, one stage after the other.
- *
- * Rows that cannot wait are given their variables first, and those that have waited before these. */
-API void arranging_postpone(int64_t n, int64_t stages, const int32_t *restrict after,
-                            const int32_t *restrict variable_order, const int32_t *restrict variable_begins,
-                            const int32_t *restrict row_order, const int32_t *restrict row_begins,
-                            const int32_t *restrict waits, const int32_t *restrict pointers,
-                            const int32_t *restrict variables, const int32_t *restrict uses,
-                            int32_t *restrict stage, int32_t *restrict available, int32_t *restrict seen,
-                            int32_t *restrict owner, int32_t *restrict path, int32_t *restrict at,
-                            int32_t *restrict reach_, int32_t *restrict waiting, int32_t *restrict listed);
 
 #endif

@@ -12,21 +12,6 @@
  * the graph that frames have in common, so that a level is a body's whole motion rather than a wave across bodies and
  * frames.  Whatever nothing couples is a part of its own, with frames or levels of its own.
  *
- * Equations that wait for the next stage, where the variables of a stage and of those before it are too few for them.
- *
- *     variables    u0   x1 u1   x2 u2   ...        x0 is given; x has two components, u one
- *     equations      x1 = f   x2 = f               one of the first two waits for x1
- *
- * A chain eliminates all unknowns of a stage before it comes to the next one (see
- * chain_elimination.h).  A motion that starts from a given state has more equations between its first two
- * states than it has controls there, so that some pivot would be zero in any order.  Which ones are too many is a matter
- * of the pattern: those that are left over where each is given a variable of its own (a maximum matching, by augmenting
- * paths: H. W. Kuhn, The Hungarian method for the assignment problem, Naval Research Logistics Quarterly 2, 1955).
- *
- * Where some are too many, all those wait that would have to take a control, that is, a variable which no other stage
- * knows of.  Controls can bring a motion to a state that is given some stages later, but hardly: pivots would be as small
- * as powers of the step (with a double pendulum on a cart, 120 steps: 6e-13 instead of 3e-4).
- *
  * Where a horizon repeats itself: runs of stages with the same pattern, cut into segments of equal length.
  *
  *     stage    0 1 | 2 3 4 | 5 6 7 | 8 9 10 | 11 ...
@@ -35,8 +20,8 @@
  *
  * Segments are sewn together by unknowns of their own (see stc.solver.kkt.seams), so that each of them couples with the
  * seams alone, or with a stage left out, and with unknowns of the last stage group (parameters) and others that couple
- * with many stages, the border.  What is left out, the rest, is a chain again, of few stages. */
-#include "../native.h"
+ * with many stages, the border. */
+#include "native.h"
 #include "arranging.h"
 
 /* How an equation couples with other stages: not at all, with the next one alone, or with others: only the second kind
@@ -222,99 +207,4 @@ int64_t arranging_levels_from(int64_t count, const int32_t *restrict sources, in
         parts++;
     }
     return parts;
-}
-
-/* Give a row a variable of its own, be it that others change theirs; 0 where there is no way.
- *
- * most: ORDINARY, or CONTROL where it may be one of either; available: which of them each variable is, 0 for those
- *     of later stages; owner: the row that has each, -1 where none has.
- * seen: where this search, stamp, has been; path, at: its rows, and how far each has been looked through. */
-static int64_t give(int64_t root, int64_t most, int64_t stamp, const int32_t *restrict pointers,
-                    const int32_t *restrict variables, const int32_t *restrict available, int32_t *restrict owner,
-                    int32_t *restrict seen, int32_t *restrict path, int32_t *restrict at) {
-    int64_t depth = 0;
-    path[0] = (int32_t)root;
-    at[0] = pointers[root];
-    while (depth >= 0) {
-        int64_t row = path[depth];
-        if (at[depth] == pointers[row + 1]) {
-            depth--;
-            continue;
-        }
-        int64_t variable = variables[at[depth]];
-        at[depth]++;
-        if (available[variable] == 0 || available[variable] > most || seen[variable] == stamp) continue;
-        seen[variable] = (int32_t)stamp;
-        if (owner[variable] < 0) {
-            for (int64_t k = 0; k < depth + 1; k++) owner[variables[at[k] - 1]] = path[k];
-            return 1;
-        }
-        depth++;
-        path[depth] = owner[variable];
-        at[depth] = pointers[owner[variable]];
-    }
-    return 0;
-}
-
-/* How an equation of the stage own couples with others. */
-static int64_t reach(int64_t row, int64_t own, int64_t following, const int32_t *restrict pointers,
-                     const int32_t *restrict variables, const int32_t *restrict stage) {
-    int64_t found = ALONE;
-    for (int64_t e = pointers[row]; e < pointers[row + 1]; e++) {
-        int64_t other = stage[variables[e]];
-        if (other == following)
-            found = imax(found, AHEAD);
-        else if (other != own)
-            found = ELSEWHERE;
-    }
-    return found;
-}
-
-void arranging_postpone(int64_t n, int64_t stages, const int32_t *restrict after,
-                        const int32_t *restrict variable_order, const int32_t *restrict variable_begins,
-                        const int32_t *restrict row_order, const int32_t *restrict row_begins,
-                        const int32_t *restrict waits, const int32_t *restrict pointers,
-                        const int32_t *restrict variables, const int32_t *restrict uses, int32_t *restrict stage,
-                        int32_t *restrict available, int32_t *restrict seen, int32_t *restrict owner,
-                        int32_t *restrict path, int32_t *restrict at, int32_t *restrict reach_,
-                        int32_t *restrict waiting, int32_t *restrict listed) {
-    int32_t *rows = stage + n;
-    int64_t count = 0;
-    int64_t stamp = 0;
-    for (int64_t own = 0; own < stages; own++) {
-        int64_t following = after[own];
-        if (following == own) return;
-        for (int64_t k = variable_begins[own], end_k = variable_begins[own + 1]; k < end_k; k++)
-            available[variable_order[k]] = uses[variable_order[k]];
-        int64_t total = count;
-        for (int64_t k = 0; k < count; k++) listed[k] = waiting[k];
-        for (int64_t turn = 0; turn < 2; turn++) {
-            for (int64_t k = row_begins[own], end_k = row_begins[own + 1]; k < end_k; k++) {
-                int64_t row = row_order[k];
-                if (waits[row] != 0) {
-                    if (turn == 0) reach_[row] = (int32_t)reach(row, own, following, pointers, variables, stage);
-                    if ((reach_[row] == AHEAD) == (turn == 1)) {
-                        listed[total] = (int32_t)row;
-                        total++;
-                    }
-                }
-            }
-        }
-        count = 0;
-        for (int64_t k = 0; k < total; k++) {
-            int64_t row = listed[k];
-            stamp++;
-            if (give(row, ORDINARY, stamp, pointers, variables, available, owner, seen, path, at) != 0) continue;
-            if (reach_[row] == AHEAD) {
-                rows[row] = (int32_t)following;
-                reach_[row] = ELSEWHERE;
-                waiting[count] = (int32_t)row;
-                count++;
-            } else {
-                stamp++;
-                give(row, CONTROL, stamp, pointers, variables, available, owner, seen, path, at);
-            }
-        }
-        if (following != own + 1) count = 0; /* a second part comes from the other end */
-    }
 }

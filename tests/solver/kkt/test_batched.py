@@ -1,4 +1,4 @@
-"""Segments in vector lanes and the rest between them: against dense algebra, whatever the values."""
+"""Segments eliminated side by side and the rest between them: against dense algebra, whatever the values."""
 
 from __future__ import annotations
 
@@ -11,11 +11,15 @@ from solver.kkt.test_contract import check
 
 import stc
 from stc.solver.kkt import DenseKKT
-from stc.solver.kkt.lane_program import kind_of
-from stc.solver.kkt.lane_values import sizes_of
+from stc.solver.kkt.batched import BatchedKKT
+from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.reuse import StructuredKKT
-from stc.solver.kkt.segmented import SegmentedKKT
-from stc.solver.kkt.segments import find_segments, number_stages
+from stc.solver.kkt.seams import Sewn, kind_of, sew
+from stc.solver.kkt.segments import Segmentation, find_segments, number_stages
+
+
+def sewn_of(couplings: Couplings, found: Segmentation) -> Sewn:
+    return sew(couplings, found, [kind_of(found, k, couplings.n) for k in range(len(found.example))])
 
 
 @pytest.mark.parametrize(
@@ -81,7 +85,7 @@ def test_segments_do_not_touch_each_other():
     """What is eliminated in one segment couples with no other, and all lanes of a group look alike."""
     rng = np.random.default_rng(6)
     pattern = motion(rng, 60, parameters=1, waypoint=True)
-    couplings, stage, found = parts(pattern)
+    couplings, _, found = parts(pattern)
     assert found is not None
     assert found.interior.sum() > 30
     segment = np.full(found.interior.size, -1)
@@ -92,7 +96,7 @@ def test_segments_do_not_touch_each_other():
             segment[group.stages[:, lane]] = number
             number += 1
     assert np.array_equal(segment >= 0, found.interior)
-    sewn = SegmentedKKT(couplings, stage, found)._sewn
+    sewn = sewn_of(couplings, found)
     own = np.concatenate([segment[found.stages.stage], np.full(sewn.added, -1)])
     first, second = own[sewn.couplings.first], own[sewn.couplings.second]
     assert not np.any((first >= 0) & (second >= 0) & (first != second))
@@ -113,7 +117,7 @@ def test_seams_change_nothing(backwards):
     couplings, stage, found = parts(pattern)
     assert found is not None
     assert len(found.groups) > 0
-    sewn = SegmentedKKT(couplings, stage, found)._sewn
+    sewn = sewn_of(couplings, found)
     size, values = couplings.size, rng.normal(size=couplings.first.size)
     expected, extended = np.zeros((size, size)), np.zeros((size + sewn.added, size + sewn.added))
     diagonal = rng.normal(size=size)
@@ -124,7 +128,7 @@ def test_seams_change_nothing(backwards):
         np.add.at(matrix, (pairs.first, pairs.second), own)
         np.add.at(matrix, (pairs.second, pairs.first), own)
         matrix[np.arange(size), np.arange(size)] = diagonal
-    kinds = [kind_of(found, k, 0) for k in range(len(found.example))]
+    kinds = [kind_of(found, k, couplings.n) for k in range(len(found.example))]
     for group, before in zip(found.groups, sewn.before, strict=True):
         begin = found.stages.pointers[group.stages[0, : group.segments]]
         held = found.stages.order[begin + kinds[group.kind].following[:, None]]
@@ -143,8 +147,8 @@ def test_what_a_stage_passes_on_is_little():
     for _ in range(2):
         couplings, stage, found = parts(pattern)
         assert found is not None
-        widths.append([kind_of(found, k, 0).following.size for k in range(len(found.example))])
-        check(SegmentedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
+        widths.append([kind_of(found, k, couplings.n).following.size for k in range(len(found.example))])
+        check(BatchedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
         pattern.var_stage[:], pattern.row_stage[:] = 29 - pattern.var_stage, 29 - pattern.row_stage
     assert widths[0] == widths[1]
 
@@ -164,8 +168,8 @@ def test_unknowns_that_couple_both_ways_stay_where_they_are():
     pattern = b.pattern()
     couplings, stage, found = parts(pattern)
     assert found is not None
-    assert [kind_of(found, k, 0).following.size for k in range(len(found.example))] == [3]
-    check(SegmentedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
+    assert [kind_of(found, k, couplings.n).following.size for k in range(len(found.example))] == [3]
+    check(BatchedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
 
 
 def test_frames_that_hold_a_variable_are_left_out():
@@ -192,7 +196,7 @@ def test_runs_of_unequal_length_have_segments_of_their_own():
     assert sorted(len(group.stages) for group in found.groups) == [8, 28]
     assert np.count_nonzero(~found.interior) < 15
     assert len(found.example) == 1
-    check(SegmentedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
+    check(BatchedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
 
 
 def test_entries_that_vanish_somewhere_are_no_pivots():
@@ -208,27 +212,18 @@ def test_entries_that_vanish_somewhere_are_no_pivots():
     values.jac[(pattern.jac_rows == row) & (pattern.jac_cols == column)] = 1e-17
     kkt = system_of(pattern)
     check(kkt, pattern, values, rng)
-    assert kkt._by_plan
-    given = kkt._arrays.given[kkt._source[: kkt._couplings.first.size]]
-    values = np.where(np.abs(given) < 1e-9, 1e-17, 1.0)
-    unknowns = kkt.n + kkt.m
-    places = np.arange(values.size, dtype=np.int32)
-    (sizes, _), *_ = sizes_of(
-        kkt._found, kkt._kinds, kkt._couplings, places, values, np.ones(unknowns), np.ones(unknowns)
-    )
-    assert np.count_nonzero(sizes < 1e-3) == 1
 
 
-def test_a_lamp_in_flight_has_plans(monkeypatch):
+def test_a_lamp_in_flight_has_pivots(monkeypatch):
     """At the start of a segment nothing holds its state, and what is left of the stage cancels in many orders."""
     whole = []
-    refactor_whole = SegmentedKKT._refactor_whole
+    refactor_whole = BatchedKKT._refactor_whole
 
     def counted(kkt):
         whole.append(kkt)
         return refactor_whole(kkt)
 
-    monkeypatch.setattr(SegmentedKKT, "_refactor_whole", counted)
+    monkeypatch.setattr(BatchedKKT, "_refactor_whole", counted)
     solved = stc.load("luxo_jump", k=4).solve(max_iterations=20)
     assert solved.factorizations > 15
     assert len(whole) <= 2
@@ -254,7 +249,7 @@ def test_the_next_solve_takes_over():
     pattern = motion(rng, 80)
     first = StructuredKKT(*pattern.arguments())
     system = first.system
-    assert isinstance(system, SegmentedKKT)
+    assert isinstance(system, BatchedKKT)
     values = generic(rng, pattern)
     inertia = first.factorize(*values.arguments())
     del first
@@ -275,7 +270,7 @@ import sys
 import numpy as np
 sys.path.insert(0, sys.argv[1])
 from solver.kkt.kkt_problems import VALUES
-from solver.kkt.test_segmented import motion, system_of
+from solver.kkt.test_batched import motion, system_of
 rng = np.random.default_rng(11)
 pattern = motion(rng, 17, parameters=1)
 kkt = system_of(pattern)
