@@ -148,7 +148,7 @@ class ContactMeter:
 
     @property
     def impulses(self) -> dict[int, FloatArray]:
-        """As the class describes it."""
+        """Per body (n, 6) the impulses during each frame step, of all that has been added."""
         self._integrate()
         return self._impulses
 
@@ -171,7 +171,7 @@ class ContactMeter:
         return found
 
     def _contacts(self, model: mujoco.MjModel, data: mujoco.MjData) -> _Contacts:
-        """The present ones."""
+        """The contacts of the present instant, copied."""
         import mujoco
 
         contacts, forces = data.contact, np.zeros((data.ncon, 6))

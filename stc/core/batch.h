@@ -17,13 +17,14 @@
 #ifndef STC_BATCH_H
 #define STC_BATCH_H
 
+#include "kkt.h"
 #include "native.h"
 
 /* What the functions below return besides 0. */
 enum {
     BATCH_REFUSED = 1,
-    BATCH_NOT_FINITE = 2,
-    BATCH_NO_MEMORY = 3,
+    BATCH_NOT_FINITE = KKT_NOT_FINITE,
+    BATCH_NO_MEMORY = KKT_NO_MEMORY,
 };
 
 /* Calls that are made by number: the phases of the parts, then the rest's, then those of the other method. */

@@ -133,29 +133,6 @@ kkt *kkt_new(const kkt_pattern *pattern, const kkt_arrays *arrays) {
 
 /* --- The plan. */
 
-static int graph_of(const kkt *s, graph *g) {
-    g->size = s->size;
-    g->start = array(s->size + 1, sizeof(int64_t));
-    g->index = array(2 * s->entries, sizeof(int32_t));
-    g->entry = array(2 * s->entries, sizeof(int32_t));
-    if (!g->start || !g->index || !g->entry) return -1;
-    for (int64_t e = 0; e < s->entries; e++) {
-        g->start[s->one[e] + 1]++;
-        g->start[s->other[e] + 1]++;
-    }
-    for (int32_t i = 0; i < s->size; i++) g->start[i + 1] += g->start[i];
-    for (int64_t e = 0; e < s->entries; e++)
-        for (int side = 0; side < 2; side++) {
-            int32_t i = side ? s->other[e] : s->one[e], j = side ? s->one[e] : s->other[e];
-            int64_t put = g->start[i]++;
-            g->index[put] = j;
-            g->entry[put] = (int32_t)e;
-        }
-    for (int32_t i = s->size; i > 0; i--) g->start[i] = g->start[i - 1];
-    g->start[0] = 0;
-    return 0;
-}
-
 /* Magnitudes of the entries off the diagonal, of a matrix scaled so that each row's largest is near 1. */
 static int magnitudes(const kkt *s, double *magnitude) {
     double *scale = array(s->size, sizeof(double)), *most = array(s->size, sizeof(double));
@@ -194,7 +171,7 @@ static int make_plan(kkt *s) {
     graph g = {0};
     double *magnitude = array(s->entries, sizeof(double));
     forget_plan(s);
-    if (magnitude && !graph_of(s, &g) && !magnitudes(s, magnitude))
+    if (magnitude && !graph_new(&g, s->size, s->entries, s->one, s->other) && !magnitudes(s, magnitude))
         s->plan = plan_new(&g, s->entries, s->one, s->other, magnitude, s->n, s->stage, s->weak, 1);
     free(g.start); free(g.index); free(g.entry); free(magnitude);
     if (!s->plan) return -1;

@@ -30,14 +30,6 @@ typedef union {
     void *p;
 } cell;
 
-/* a / b and what is left, rounded down, as indices that may be negative need it. */
-ALWAYS_INLINE int64_t floor_div(int64_t a, int64_t b) { return a / b - ((a % b != 0) & ((a % b ^ b) < 0)); }
-
-ALWAYS_INLINE int64_t floor_mod(int64_t a, int64_t b) {
-    int64_t rest = a % b;
-    return rest + (((rest != 0) & ((rest ^ b) < 0)) ? b : 0);
-}
-
 ALWAYS_INLINE int64_t imin(int64_t a, int64_t b) { return b < a ? b : a; }
 ALWAYS_INLINE int64_t imax(int64_t a, int64_t b) { return b > a ? b : a; }
 

@@ -13,6 +13,9 @@ typedef struct {
     int32_t *entry;
 } graph;
 
+/* The graph of entries of which each couples two unknowns; its arrays are to be freed.  0, or -1 where there is no memory. */
+int graph_new(graph *g, int32_t size, int64_t entries, const int32_t *one, const int32_t *other);
+
 /* Fronts in an order in which children come before their parents, a parent right after its last child.  Unknowns are
  * numbered by position in the order of elimination from here on. */
 typedef struct {

@@ -18,6 +18,29 @@
 
 static void *array(size_t count, size_t size) { return calloc(count + 1, size); }
 
+int graph_new(graph *g, int32_t size, int64_t entries, const int32_t *one, const int32_t *other) {
+    g->size = size;
+    g->start = array((size_t)size + 1, sizeof(int64_t));
+    g->index = array(2 * (size_t)entries, sizeof(int32_t));
+    g->entry = array(2 * (size_t)entries, sizeof(int32_t));
+    if (!g->start || !g->index || !g->entry) return -1;
+    for (int64_t e = 0; e < entries; e++) {
+        g->start[one[e] + 1]++;
+        g->start[other[e] + 1]++;
+    }
+    for (int32_t i = 0; i < size; i++) g->start[i + 1] += g->start[i];
+    for (int64_t e = 0; e < entries; e++)
+        for (int side = 0; side < 2; side++) {
+            int32_t i = side ? other[e] : one[e], j = side ? one[e] : other[e];
+            int64_t put = g->start[i]++;
+            g->index[put] = j;
+            g->entry[put] = (int32_t)e;
+        }
+    for (int32_t i = size; i > 0; i--) g->start[i] = g->start[i - 1];
+    g->start[0] = 0;
+    return 0;
+}
+
 /* What the elimination of so many of a front's unknowns takes, besides assembling it; of so many matrices at once, each. */
 static double front_cost(double own, double rows, double matrices) {
     double all = own + rows, operations = 0.5 * (own * all * all - own * own * all + own * own * own / 3.0);

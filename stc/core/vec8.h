@@ -38,9 +38,6 @@ typedef struct {
 INLINE lanes loadw(const double *x, int64_t k) { return *(const lanes *)(x + k); }
 INLINE void storew(double *x, int64_t k, lanes v) { *(lanes *)(x + k) = v; }
 INLINE lanes splatw(double value) { return value - (lanes){0}; }
-INLINE lanes absw(lanes v) { return magnitude_of(v); }
-/* The larger one of each pair; where the first is no number the other one, where the second is none either. */
-INLINE lanes maxw(lanes a, lanes b) { return larger_of(a, b); }
 /* 1 where a number is negative, 0 elsewhere. */
 INLINE lanes negativew(lanes v) { return (lanes)((v < splatw(0.0)) & (masks)splatw(1.0)); }
 

@@ -77,11 +77,10 @@ def floor(scope: ModelScope) -> Surface:
     """The model's first fixed plane that faces upwards; the plane z = 0 if there is none."""
     for geom in scope.mechanism.geoms:
         if geom.kind == "plane" and _is_fixed(scope, geom):
-            turn, at = _pose(scope, geom)
+            turn, at = _face(scope, geom)
             if turn[2, 2] > 0.5:
                 # Coordinates along the floor are those of the world where it is level.
                 level = abs(turn[2, 2] - 1.0) < 1e-12
-                at = at + geom.margin * turn[:, 2]
                 origin = np.array([0.0, 0.0, at[2]]) if level else at
                 return _surface(geom.name or "floor", np.eye(3) if level else turn, origin, geom)
     return _surface("floor", np.eye(3), np.zeros(3), None)
@@ -111,12 +110,11 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
             f"the geom `{rest[0]}` is a {thing.kind}", "contacts stand on planes and on faces of boxes"
         )
     turn, at = _face(scope, thing)
-    geom = thing if isinstance(thing, Geom) else None
+    if _is_fixed(scope, thing):
+        return _surface(rest[0], turn, at, thing)
     frame = scope.dynamics.tree.frames[thing.body]
-    if frame.segment == WORLD:
-        return _of(thing, _surface(rest[0], turn, at, geom))
     if any(part is not ZERO for part in scope.dynamics.kinematics.rate_of(frame)):
-        where = f" ({geom.place})" if geom and geom.place else ""
+        where = f" ({thing.place})" if isinstance(thing, Geom) and thing.place else ""
         hint = (
             "contacts stand on what nothing moves, or what slides without turning; hold on to a body that turns by an "
             "`<equality>` of the model"
@@ -125,13 +123,7 @@ def surface_of(scope: ModelScope, path: str) -> Surface:
     # Its body has the same axes throughout.
     body, origin = drawn_pose(scope.mechanism, thing.body)
     there = scope.dynamics.tree.frame(thing.body, vector((body.T @ (at - origin)).tolist()))
-    found = _of(thing, _surface(rest[0], turn, np.zeros(3), geom))
-    return replace(found, frame=there, path=(kind, rest[0]))
-
-
-def _of(thing: Geom | Site, surface: Surface) -> Surface:
-    """The surface of a thing: that of a site has no friction of its own, so that the contact's geom tells it."""
-    return surface if isinstance(thing, Geom) else replace(surface, priority=-1)
+    return replace(_surface(rest[0], turn, np.zeros(3), thing), frame=there, path=(kind, rest[0]))
 
 
 def _face(scope: ModelScope, thing: Geom | Site) -> tuple[np.ndarray, np.ndarray]:
@@ -149,8 +141,8 @@ def _face(scope: ModelScope, thing: Geom | Site) -> tuple[np.ndarray, np.ndarray
     return face, at + (thing.size[upwards] + thing.margin) * normal
 
 
-def _is_fixed(scope: ModelScope, geom: Geom) -> bool:
-    return scope.dynamics.tree.frames[geom.body].segment < 0
+def _is_fixed(scope: ModelScope, thing: Geom | Site) -> bool:
+    return scope.dynamics.tree.frames[thing.body].segment == WORLD
 
 
 def _pose(scope: ModelScope, thing: Geom | Site) -> tuple[np.ndarray, np.ndarray]:
@@ -159,11 +151,15 @@ def _pose(scope: ModelScope, thing: Geom | Site) -> tuple[np.ndarray, np.ndarray
     return turn @ rotation(thing.quat), at + turn @ np.array(thing.pos)
 
 
-def _surface(name: str, turn: np.ndarray, origin: np.ndarray, geom: Geom | None) -> Surface:
+def _surface(name: str, turn: np.ndarray, origin: np.ndarray, thing: Geom | Site | None) -> Surface:
+    """A surface with the friction of a geom; a site has none of its own, so that the contact's geom tells it."""
+
     def axis(k: int) -> Axis:
         x, y, z = [0.0 if abs(part) < 1e-15 else float(part) for part in turn[:, k]]
         return x, y, z
 
     x, y, z = [float(part) for part in origin]
-    own = (1.0,) if geom is None else (geom.friction[0], geom.condim, geom.priority)
-    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), *own)
+    friction, condim, priority = 1.0, 3, -1 if isinstance(thing, Site) else 0
+    if isinstance(thing, Geom):
+        friction, condim, priority = thing.friction[0], thing.condim, thing.priority
+    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), friction, condim, priority)

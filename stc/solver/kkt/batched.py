@@ -17,7 +17,7 @@ from stc.codegen.threads import parallel, record
 from stc.core.calls import Bound, CallTable
 from stc.core.functions import function
 from stc.core.structures import structure
-from stc.solver.kkt.contract import FINE, Inertia, NotFinite
+from stc.solver.kkt.contract import FINE, Inertia, check_ended
 from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.kkt.multifrontal import DOUBTFUL, MultifrontalKKT
@@ -27,8 +27,6 @@ from stc.solver.kkt.segments import Segmentation
 
 __all__ = ["BatchedKKT"]
 
-#: What a factorisation returns.
-REFUSED, NOT_FINITE, NO_MEMORY = 1, 2, 3
 #: Calls that are made by number.
 PHASES = ELIMINATE, FORWARD, BACKWARD, RETURN = 0, 1, 2, 3
 REST, REST_SOLVE, WHOLE_SOLVE, CALLS = 4, 5, 7, 9
@@ -153,10 +151,7 @@ class BatchedKKT(ByCopies):
     def resume(self, ended: int) -> Inertia:
         """See ``AttachedKKT.resume``."""
         self._factorized = False
-        if ended == NOT_FINITE:
-            raise NotFinite("the KKT matrix has entries that are not finite")
-        if ended == NO_MEMORY:
-            raise MemoryError("there is no memory for the factors of a linear system")
+        check_ended(ended)
         self._counted += 1
         return self._refactor_whole()
 

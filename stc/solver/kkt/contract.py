@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from stc.core.calls import Bound
 from stc.solver.nlp import Floats
 
-__all__ = ["COARSE", "FINE", "REPORT", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite"]
+__all__ = ["COARSE", "FINE", "REPORT", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite", "check_ended"]
 
 #: The relative residual that iterative refinement aims at, and one that is enough for a step far from a solution, or
 #: for one that is corrected.
@@ -24,10 +24,25 @@ FINE = 1e-13
 COARSE = 1e-10
 #: Length of ``report``: relative residual, refinements made, and of the scaled system, solution over right-hand side.
 REPORT = 3
+#: What a factorisation in the core returns where there are no factors.
+NOT_FINITE, NO_MEMORY = 2, 3
 
 
 class NotFinite(ValueError):
     """The matrix has entries that are not finite."""
+
+
+def check_ended(ended: int) -> None:
+    """Raise what a factorisation in the core has ended with, if it has made no factors.
+
+    Raises:
+        NotFinite: the matrix has entries that are not finite.
+        MemoryError: there is no memory for the factors.
+    """
+    if ended == NOT_FINITE:
+        raise NotFinite("the KKT matrix has entries that are not finite")
+    if ended == NO_MEMORY:
+        raise MemoryError("there is no memory for the factors of a linear system")
 
 
 class Inertia(NamedTuple):

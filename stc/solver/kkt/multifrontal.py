@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 from stc.arrays import ranks
 from stc.core import library as core
 from stc.core.calls import Bound
-from stc.solver.kkt.contract import Inertia, NotFinite
+from stc.solver.kkt.contract import Inertia, check_ended
 from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays, ByCopies
 from stc.solver.nlp import Ints
 
 __all__ = ["DOUBTFUL", "MultifrontalKKT"]
 
-#: What a factorisation returns.
-SINGULAR, NOT_FINITE, NO_MEMORY = 1, 2, 3
 #: Where a solve leaves a larger relative residual than DOUBTFUL, the matrix is factorised again with larger pivot
 #: thresholds, up to the highest.
 DOUBTFUL = 1e-9
@@ -177,10 +175,7 @@ class MultifrontalKKT(ByCopies):
     def resume(self, ended: int) -> Inertia:
         """See ``AttachedKKT.resume``."""
         self._factorized = False
-        if ended == NOT_FINITE:
-            raise NotFinite("the KKT matrix has entries that are not finite")
-        if ended == NO_MEMORY:
-            raise MemoryError("there is no memory for the factors of a linear system")
+        check_ended(ended)
         self._factorized = True
         return Inertia(*self.inertia.tolist())
 

@@ -126,7 +126,7 @@ def _entries_of(found: Segmentation, kind: Kind, number: int, steps: int) -> Int
 
 
 def _rest_of(found: Segmentation, sewn: Sewn, ends: list[Int64s]) -> Rest:
-    """The pattern of what is left."""
+    """The matrix that is factorised after the segments: its unknowns, its pattern, and where their results go."""
     couplings, unknowns = sewn.couplings, sewn.outside
     size = couplings.size
     number = np.full(size, -1, dtype=np.int64)
