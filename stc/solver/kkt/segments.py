@@ -43,12 +43,11 @@ LARGEST_BORDER = 64
 #: Couplings at most for each unknown of a stage. Fronts grow with this number, and wide ones do well one by one: with
 #: 3.5 to 5.2, segments take 0.84 to 0.91 of the time, with 6 to 7 as long, with 7.5 and 9 1.1 and 1.3 times as long.
 DENSEST = 6.0
-#: A step of eight segments takes this many times as long as a stage of the rest, about, and more by one for so many
-#: unknowns of a stage: there are more rows, and wide ones do well in the rest, too.
-STEP_COST = 1.5
-STEP_GROWTH = 40.0
+#: A step of eight segments takes as long as a stage of the rest, about, and once more for so many unknowns of a stage:
+#: there are more rows, and wide ones do well in the rest, too.
+STEP_GROWTH = 80.0
 #: A seam takes this many times as long as a stage of the rest, about.
-SEAM_COST = 1.0
+SEAM_COST = 0.5
 #: Segments should cost this much less than their stages would in the rest.
 WORTH = 0.8
 #: Groups are even in number, so that two threads can share them, where that costs no more than this share of all; of
@@ -318,7 +317,7 @@ def _span(lengths: Int64s, width: int) -> tuple[float, int]:
     counts = (lengths[:, None] - 1) // steps
     left = lengths.sum() - (counts * steps).sum(axis=0)
     segments = counts.sum(axis=0)
-    step_cost = STEP_COST + width / STEP_GROWTH
+    step_cost = 1.0 + width / STEP_GROWTH
     groups = -(-segments // LANES)
     cost = groups * steps * step_cost + left + SEAM_COST * segments
     best = int(np.argmin(cost))
