@@ -91,6 +91,7 @@ def test_windows_give_the_mean_of_a_steady_force(slides: bool) -> None:
     assert len(windows) > 80 and not across.any()
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(("gap", "passes"), [(0.0, True), (0.05, False), (0.008, False), (-0.02, False)])
 def test_a_long_way_excuses_no_gap_under_a_block(tmp_path: Path, gap: float, passes: bool) -> None:
     """It goes 100 m without friction while the floor lies lower or higher than the block's sole."""
@@ -104,6 +105,7 @@ def test_a_long_way_excuses_no_gap_under_a_block(tmp_path: Path, gap: float, pas
 WALL = '<geom type="box" size="0.05 1 1" pos="{0!r} 0 0.5" condim="1" solref="0.001 3" priority="2"/>'
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("start", [0.0, 0.3])
 @pytest.mark.parametrize("off", [0.0, 1e-15, -1e-15, 1e-6])
 def test_rounding_decides_nothing_in_a_corner(tmp_path: Path, start: float, off: float) -> None:
@@ -127,6 +129,7 @@ def test_a_wall_pulls_nothing(tmp_path: Path) -> None:
     assert not report.passed
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("wind", [1, 5])
 def test_an_idle_motor_on_a_joint_that_friction_holds(tmp_path: Path, wind: float) -> None:
     """Feedback answers the creep of soft contacts with next to nothing of what the friction gives."""
@@ -136,6 +139,7 @@ def test_an_idle_motor_on_a_joint_that_friction_holds(tmp_path: Path, wind: floa
     assert share.value < 0.05 and report.passed, failed(report)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("push", ["5*t", "15*t"])
 def test_a_shoe_that_is_welded_on_counts_as_the_foot(tmp_path: Path, push: str) -> None:
     spec = ALONG.format(time=1, motor=push, wind=0, rest="x'' = 0", start=0, speed=0)
@@ -155,6 +159,7 @@ TIP = (
 )
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("speed", [0, 2])
 @pytest.mark.parametrize("share", [0.99, 1.02, 1.15])
 def test_the_centre_of_pressure_stays_on_the_sole(tmp_path: Path, share: float, speed: float) -> None:
@@ -177,6 +182,7 @@ def test_friction_on_a_joint_has_its_limit_too(tmp_path: Path, push: str, passes
     assert (beyond.verdict == "pass") is passes
 
 
+@pytest.mark.nightly
 def test_a_motor_that_pulls_a_sliding_block(tmp_path: Path) -> None:
     """Feedback answers every bounce, now this way, now that way; in the mean it has nothing to give."""
     spec = ALONG.format(time=1, motor="12", wind=0, rest="F = -0.5*N", start=0, speed=1)
