@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stc
+from stc.solution import Solution
 from stc.validate import Metric, Report, validate
 from stc.validate.contact_forces import windows_of
 from stc.validate.contact_meter import ContactMeter
@@ -33,13 +34,17 @@ LINES = "actuator f = f; apply body.b.fx = w;" + CONTACT
 
 
 def judged(folder: Path, spec: str, lines: str = LINES, **parts: object) -> Report:
+    return validate(solved(folder, spec, lines, **parts))
+
+
+def solved(folder: Path, spec: str, lines: str = LINES, **parts: object) -> Solution:
     usual = {"floor": 0, "friction": 0.5, "condim": 3, "damping": 1, "turn": "", "motor": "x", "wall": ""}
     parts = usual | {"before": "", "after": ""} | parts
     (folder / "block.xml").write_text(MODEL.format(**parts))
     (folder / "block.stc").write_text(
         f'{spec} replay: model = "block.xml"; joint x = x; joint z = z; {lines}'
     )
-    return validate(stc.load(folder / "block.stc").solve())
+    return stc.load(folder / "block.stc").solve()
 
 
 HEAD = "constants: n = 100, T = {time}, h = T/n, m = 2, g = 9.81; method: hermite-simpson;"
@@ -70,8 +75,8 @@ def test_a_block_brakes_by_friction(tmp_path: Path, friction: float, passes: boo
 
 def test_the_meter_finds_the_momentum_that_a_block_loses(tmp_path: Path) -> None:
     """Whatever the contacts do within a step: the integrator changes momentum by their impulses and gravity's."""
-    judged(tmp_path, ALONG.format(time=0.4, motor=0, wind=0, rest="F = -0.5*N", start=0, speed=3))
-    setup = open_setup(stc.load(tmp_path / "block.stc").solve())
+    spec = ALONG.format(time=0.4, motor=0, wind=0, rest="F = -0.5*N", start=0, speed=3)
+    setup = open_setup(solved(tmp_path, spec))
     meter = ContactMeter(setup)
     motion = replay(setup, 5e-4, meter=meter)
     (impulses,) = meter.impulses.values()
