@@ -3,6 +3,8 @@
 Property tests draw the same examples on every run, without a deadline.  A test that cannot run without something
 that a bare machine lacks says so, as in ``@pytest.mark.needs("opengl")``, and is skipped there with the reason.
 Matrix products run on one thread: the threads of several test processes would wait for one another, busily.
+Compiled modules are kept also where the environment says that none are to be written beside their sources: each of the
+hundreds of programs that tests start would compile all that it imports, for a second.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import gc
 import os
 import sys
 from collections import Counter
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -20,6 +23,9 @@ from hypothesis import settings
 os.environ.setdefault(
     "OPENBLAS_NUM_THREADS", "1"
 )  # read when NumPy is imported, here and in programs that tests start
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
+    sys.dont_write_bytecode = False
+    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = str(Path(sys.prefix, "bytecode"))
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None, max_examples=50)
 settings.load_profile("repeatable")
 
@@ -65,8 +71,19 @@ def _lacking(need: str) -> str:
     return {"opengl": _without_opengl, "terminal": _without_terminal}[need]()
 
 
+@pytest.hookimpl(tryfirst=True)  # before those with marks that are not asked for are left out
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The files with most slow tests come first, so that no processor is left with one of them at the end."""
+    """Of the cases of some tests only every n-th is run daily.
+
+    The files with most slow tests come first, so that no processor is left with one of them at the end.
+    """
+    cases: Counter[str] = Counter()
+    for item in items:
+        if mark := item.get_closest_marker("daily_every"):
+            test = item.nodeid.partition("[")[0]
+            if cases[test] % mark.args[0]:
+                item.add_marker(pytest.mark.nightly)
+            cases[test] += 1
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: -slow[item.path])  # stable
 

@@ -131,6 +131,7 @@ def test_a_library_that_is_missing_is_named(
         solution.to_dataframe() if library == "pandas" else solution.to_xarray()
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_the_notebooks_of_the_documentation_run(

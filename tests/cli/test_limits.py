@@ -132,6 +132,7 @@ def until_stuck(running: subprocess.Popen[str]) -> None:
 
 
 class TestTimeLimits:
+    @pytest.mark.daily_every(2)
     @pytest.mark.parametrize(
         ("spec", "n", "optimizer"),
         [
@@ -159,6 +160,7 @@ class TestTimeLimits:
         if record.get("file") is not None:  # a busy machine may not get as far as a guess
             assert stc.read(tmp_path / "a.npz").status == "time_limit"
 
+    @pytest.mark.daily_every(2)
     @pytest.mark.parametrize(
         "words",
         [
@@ -185,6 +187,7 @@ class TestTimeLimits:
             runs: Any = record.get("optimizers", [])
             assert "time_limit" in {record["status"], *(run["status"] for run in runs)}
 
+    @pytest.mark.daily_every(2)
     @pytest.mark.parametrize("phase", [phase for phase in PHASES if phase != "judging"])
     def test_every_phase_ends(self, phase: str, tmp_path: Path) -> None:
         words = ["solve", "motion.stc", "--set", "n=40", "--json", "-o", "a.npz"]
@@ -218,6 +221,7 @@ class TestTimeLimits:
 
 
 class TestSignals:
+    @pytest.mark.daily_every(2)
     @pytest.mark.parametrize(
         ("phase", "name"),
         [

@@ -17,7 +17,7 @@ from stc.validate.progress import listening, steps
 
 WORDS = [
     (["compare", "particle_waypoints", "--optimizers", "sqp,witkin-kass"], b"witkin-kass (2 of 2)"),
-    (["validate", "particle_waypoints", "--set", "n=2000"], b"inverse dynamics"),
+    (["validate", "particle_waypoints", "--set", "n=1000"], b"inverse dynamics"),
 ]
 
 

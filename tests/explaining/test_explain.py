@@ -95,6 +95,7 @@ def test_a_swing_up_is_explained_by_its_effort_alone(tmp_path: Path) -> None:
     assert edited["joint.cart"][-1] == pytest.approx(0.5, abs=1e-8)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("noise", "precision"), [(0.0, 0.02), (5e-4, 0.1)])
 def test_known_weights_are_found(swing: Solution, noise: float, precision: float, tmp_path: Path) -> None:

@@ -72,6 +72,7 @@ def test_models_of_gymnasium(name: str) -> None:
     check(path)
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.slow
 @pytest.mark.skipif(CONTROL is None, reason="dm_control is not installed (it has no wheels for this Python)")
 @pytest.mark.parametrize("name", OF_CONTROL)

@@ -39,6 +39,7 @@ objective: (x - 2)^2 + (y - 2)^2;  guess: x = 1; y = 1.2;
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_every_algorithm_finds_the_least_in_a_box(name: str) -> None:
     solution = stc.load(BOWL).solve(optimizer=f"nlopt:{name}", max_iterations=400)

@@ -112,6 +112,7 @@ replay:
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
 @pytest.mark.parametrize("missing", ["", 'damping="0.05"', 'stiffness="2"'])
 def test_a_free_pendulum_passes_and_one_with_a_term_missing_does_not(

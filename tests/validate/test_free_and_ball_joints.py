@@ -125,6 +125,7 @@ def test_each_step_by_itself_is_compared_by_angles(tmp_path: Path) -> None:
     assert errors.max() < 1e-6
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("make", [tumbling_box, ball_pendulum])
 def test_steps_err_by_their_fourth_power(tmp_path: Path, make: object) -> None:
     drifts = []
@@ -140,6 +141,7 @@ def test_steps_err_by_their_fourth_power(tmp_path: Path, make: object) -> None:
     assert drifts[0] / drifts[1] > 2**3.3
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize(
     ("make", "right", "wrong", "named"),
     [

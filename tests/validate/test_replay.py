@@ -24,6 +24,7 @@ def largest_drift(solution: Solution, **options: object) -> float:
     return max(metric.value for metric in report.metrics if metric.name == "open-loop drift, largest")
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("g", [0.0, 1.62, 9.8])
 @pytest.mark.parametrize("m", [1.0, 3.0])
 def test_the_waypoint_spline_is_reproduced_under_every_gravity_and_mass(g: float, m: float) -> None:
