@@ -17,10 +17,10 @@ SLOW = pytest.mark.slow
 
 
 def test_a_model_is_listed_with_what_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    model = tmp_path / "wet.xml"
+    model = tmp_path / "sticky.xml"
     model.write_text(
-        """<mujoco><option density="1000"/><worldbody><body name="fish"><freejoint name="left/root"/>
-        <geom name="belly" size=".1"/></body></worldbody></mujoco>""",
+        """<mujoco><worldbody><body name="fish"><freejoint name="left/root"/>
+        <geom name="belly" size=".1" adhesion="1"/></body></worldbody></mujoco>""",
         encoding="utf-8",
     )
     assert run(["show", str(model)]) == 0
@@ -28,8 +28,8 @@ def test_a_model_is_listed_with_what_is_refused(tmp_path: Path, capsys: pytest.C
     assert 'joint."left/root" (free)' in shown
     assert "geom.belly (sphere)" in shown
     assert "cannot be stated:" in shown
-    assert "wet.xml:1" in shown
-    assert "without fluid" in shown
+    assert "sticky.xml:2" in shown
+    assert "without adhesion" in shown
 
 
 @pytest.mark.parametrize("model", ["arm.xml", pytest.param("quadruped.xml", marks=pytest.mark.nightly)])
