@@ -3,8 +3,6 @@
 Property tests draw the same examples on every run, without a deadline.  A test that cannot run without something
 that a bare machine lacks says so, as in ``@pytest.mark.needs("opengl")``, and is skipped there with the reason.
 Matrix products run on one thread: the threads of several test processes would wait for one another, busily.
-Compiled modules are kept also where the environment says that none are to be written beside their sources: each of the
-hundreds of programs that tests start would compile all that it imports, for a second.
 """
 
 from __future__ import annotations
@@ -15,7 +13,6 @@ import gc
 import os
 import sys
 from collections import Counter
-from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -23,9 +20,6 @@ from hypothesis import settings
 os.environ.setdefault(
     "OPENBLAS_NUM_THREADS", "1"
 )  # read when NumPy is imported, here and in programs that tests start
-if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
-    sys.dont_write_bytecode = False
-    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = str(Path(sys.prefix, "bytecode"))
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None, max_examples=50)
 settings.load_profile("repeatable")
 
