@@ -55,8 +55,7 @@ _kept = threading.local()
 
 
 def state_of(model: mujoco.MjModel) -> mujoco.MjData:
-    """MuJoCo's state of a model for positions alone; each thread keeps one, since making one takes longer than its use.
-    """
+    """MuJoCo's state of a model for positions alone; each thread keeps one, since making one takes longer than its use."""
     import mujoco
 
     found: mujoco.MjData | None = getattr(_kept, "state", None)
