@@ -104,6 +104,7 @@ def require_named(path: Path, count: int | None, seed: int) -> None:
     assert silent == []
 
 
+@pytest.mark.daily_every(2)
 def test_what_is_altered_is_named(motion: Path) -> None:
     require_named(motion, 8, seed=1)
 

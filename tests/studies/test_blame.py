@@ -38,6 +38,7 @@ def _feasible(matrix: np.ndarray, rhs: np.ndarray, which: tuple[int, ...]) -> bo
     return bool(answer.status == 0)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("seed", range(12))
 def test_conflicts_of_linear_inequalities_are_irreducible(seed: int) -> None:
     rng = np.random.default_rng(seed)
