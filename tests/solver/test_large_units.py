@@ -122,6 +122,7 @@ def _program(seed: int, decades: float) -> tuple[Quadratic, float]:
     )
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("seed", range(30))
 @pytest.mark.parametrize("decades", [2.0, 4.0, 6.0])
 def test_quadratic_programs_do_not_depend_on_units(seed: int, decades: float) -> None:

@@ -152,6 +152,7 @@ method: trapezoidal;
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("umax", [0.1, 0.3])
 def test_statements_that_a_motion_at_rest_meets_are_not_called_a_conflict(umax: float) -> None:
     model = stc.load(SWING_UP)

@@ -31,6 +31,7 @@ def test_a_true_spec_passes_all_three(solve_spec: Callable[..., Solution]) -> No
     assert assert_equations("arm_reach", states=50).passed
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize(
     ("old", "new", "joint", "term"),
     [

@@ -163,6 +163,7 @@ GEAR = """
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("model", "ratios", "inertia", "moment"),
     [
