@@ -25,6 +25,7 @@ def drift(solution: Solution | Path) -> float:
     return max(m.value for m in validate(solution).metrics if m.name == "open-loop drift, largest")
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("g", [0, 1.62, 9.8])
 def test_waypoints_give_the_spline_under_every_gravity(g: float, tmp_path: Path) -> None:
     solution = stc.load("particle_waypoints").solve(g=g)
@@ -59,6 +60,7 @@ def test_second_order_methods_approach_the_spline_and_its_replay(method: str) ->
     assert validate(solutions[0]).passed
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("g", [1.62, 9.8])
 def test_a_jet_without_wall_and_limit_takes_the_known_time(g: float) -> None:
     """Least integral of force squared over distance d: 12 d^2/T^3 + g^2 T is least at T = sqrt(6 d/g)."""

@@ -249,6 +249,7 @@ class TestSignals:
         assert running.returncode in ((1,) if name == "SIGINT" else (128 + number, -number))
         assert not list(tmp_path.glob(".*"))  # no half a file
 
+    @pytest.mark.daily_every(2)
     @pytest.mark.parametrize("optimizer", ["nlopt:slsqp", "nlopt:cobyla"])
     def test_the_first_signal_stops_nlopt_between_evaluations_too(
         self, optimizer: str, tmp_path: Path
@@ -273,6 +274,7 @@ class TestSignals:
         assert stc.read(tmp_path / "a.npz").status == "interrupted"
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited so on Linux")
 @pytest.mark.parametrize("kilobytes", [400_000, 800_000])
 def test_too_little_memory_is_told_of(kilobytes: int, tmp_path: Path) -> None:

@@ -51,6 +51,7 @@ def check(path: Path) -> None:
     assert np.abs(found[2 * nv :] - acting).max() < 1e-9 * max(1.0, np.abs(acting).max())
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", models.names())
 def test_shipped_models(name: str) -> None:
     """Inverse dynamics, passive forces and actuation, to 1e-9 of the largest force at 1000 random states."""
@@ -59,6 +60,7 @@ def test_shipped_models(name: str) -> None:
     check(path)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install '.[dev]'")
 @pytest.mark.parametrize("name", OF_GYMNASIUM)
 def test_models_of_gymnasium(name: str) -> None:

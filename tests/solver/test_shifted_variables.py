@@ -106,6 +106,7 @@ def _shifted(seed: int, by: float) -> Quadratic:
     return program
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("by", [1e5, 3e5])
 def test_quadratic_programs_do_not_depend_on_the_origin(seed: int, by: float) -> None:

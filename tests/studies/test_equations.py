@@ -63,6 +63,7 @@ def check(text: str, **constants: float) -> EquationReport:
     return check_equations(load(text, **constants).problem(), states=60)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", MODELLED)
 def test_bundled_specs_state_their_models_equations(name: str) -> None:
     report = check_equations(load(name).problem(), states=100)

@@ -249,6 +249,7 @@ def test_a_solve_that_fails_ends_the_loop_with_the_last_good_solution():
     assert result.solution.n == 20
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("spec", "method", "tolerance"),
     [

@@ -80,6 +80,7 @@ def free_flight(method: str, n: int = 24, g: float = 9.8) -> Solution:
     return smooth_particle(method, time, x, y, m=0.6, g=g)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
 @pytest.mark.parametrize("g", [9.8, 0.0])
 def test_a_motion_without_work_closes_its_books(method: str, g: float) -> None:

@@ -121,6 +121,7 @@ LIFT = (
 )
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("spec", "method", "share"), [(PULLS, "hermite-simpson", 1 / 5), (LIFT, "trapezoidal", 0.1 / 0.5)]
 )
@@ -152,6 +153,7 @@ ROLLS = (
 )
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("slip", [1.0, 1.05])
 def test_a_wheel_rolls_and_does_not_slide(tmp_path: Path, slip: float) -> None:
     """Its contact point stands still, so that less than the whole friction holds it; one that slips has all of it."""

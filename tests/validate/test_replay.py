@@ -84,6 +84,7 @@ def bang_bang(method: str, share: float) -> Solution:
     return particle(method, time, [position, velocity, acceleration], [still] * 3)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.7])
 @pytest.mark.parametrize("method", ["trapezoidal", "hermite-simpson"])
 def test_at_a_jump_each_side_has_its_own_force(method: str, share: float) -> None:

@@ -110,7 +110,7 @@ def test_a_long_way_excuses_no_gap_under_a_block(tmp_path: Path, gap: float, pas
 WALL = '<geom type="box" size="0.05 1 1" pos="{0!r} 0 0.5" condim="1" solref="0.001 3" priority="2"/>'
 
 
-@pytest.mark.daily_every(3)
+@pytest.mark.daily_every(5)
 @pytest.mark.parametrize("start", [0.0, 0.3])
 @pytest.mark.parametrize("off", [0.0, 1e-15, -1e-15, 1e-6])
 def test_rounding_decides_nothing_in_a_corner(tmp_path: Path, start: float, off: float) -> None:

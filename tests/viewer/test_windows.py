@@ -257,7 +257,7 @@ def test_the_motion_is_seen_in_a_window(saved, tmp_path, display):
     assert viewing.process.returncode == 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_watched_solve_is_saved_when_it_is_stopped(tmp_path, display):
     from stc.solution import read
 

@@ -141,6 +141,7 @@ def test_forces_act_all_through_the_step_that_they_end() -> None:
     assert constant.tolist() == [2.0, 5.0]
 
 
+@pytest.mark.nightly
 def test_a_hop_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
     """Found roughly, then proven: nothing says when the foot stands."""
     rough = load(tmp_path, HOPPER, HOP).solve()
