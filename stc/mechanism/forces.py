@@ -19,7 +19,7 @@ class Wrench:
     torque: Vector = ORIGIN
 
     def times(self, factor: Expr) -> Wrench:
-        """A multiple."""
+        """The wrench multiplied by a factor."""
         return Wrench(self.frame, scaled(factor, self.force), scaled(factor, self.torque))
 
 
