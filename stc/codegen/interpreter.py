@@ -1,12 +1,12 @@
-"""Tapes run as they are: what a problem begins with whose compilation would take longer than its solve.
+"""Interprets tapes, for problems that would take longer to compile than to solve.
 
-A tape becomes a list of instructions, and one function of the core (``stc/core/tapes.c``) goes through it for up to
-:data:`CHUNK` blocks of instances at once.  Here they are written: values get rows, which are used again, varying inputs
-are fetched at the first use of one of their run.
+A tape becomes a list of instructions, which one function of the core (``stc/core/tapes.c``) executes for up to
+:data:`CHUNK` blocks of instances at once.  This module writes the instructions: it assigns values to rows, which are
+reused, and fetches varying inputs at the first use of one of their run.
 
-Sums take in products where compiled kernels do (:mod:`stc.codegen.fusion`), and functions are the same instructions,
-so that the results are the same bits: a kernel may be compiled, and take over, whenever that is worth it.  Until then
-two to three times as long is spent on evaluations.
+Sums are fused with products where compiled kernels fuse them (:mod:`stc.codegen.fusion`), and functions are the same
+instructions, so the results have the same bits.  A compiled kernel may therefore take over at any time.  Until then
+evaluations take two to three times as long.
 """
 
 from __future__ import annotations

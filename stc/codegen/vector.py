@@ -83,7 +83,7 @@ class Vector:
         return self.let(f"fneg {self.f} {a}")
 
     def one(self) -> str:
-        """1 in all lanes."""
+        """A vector with 1 in all lanes."""
         return self.spread("%literals", self._n_literals)
 
     def select(self, relation: str, a: str, b: str, yes: str, no: str) -> str:
@@ -100,14 +100,14 @@ class Vector:
         return [self.load("%to", place) for place in range(results)]
 
     def call(self, name: str, arguments: str) -> None:
-        """Call such a function."""
+        """Call one of the functions whose addresses the kernel is given."""
         function = self.let(
             f"load ptr, ptr {self.pointer('%functions', 8 * function_numbers()[name])}, align 8"
         )
         self.lines.append(f"  call void {function}({arguments})")
 
     def declarations(self) -> str:
-        """Of intrinsics."""
+        """The declarations of the intrinsic functions that kernels use, as lines of LLVM."""
         return "".join(
             f"declare {self.f} @llvm.{name}.v{self.lanes}f64({', '.join([self.f] * arity)})\n"
             for name, arity in _INTRINSICS.items()

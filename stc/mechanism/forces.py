@@ -21,7 +21,7 @@ class Wrench:
     in_segment: bool = False
 
     def times(self, factor: Expr) -> Wrench:
-        """A multiple."""
+        """The wrench multiplied by a factor."""
         return replace(self, force=scaled(factor, self.force), torque=scaled(factor, self.torque))
 
 

@@ -41,7 +41,7 @@ class Place:
     flat: bool = False
 
     def point(self, data: mujoco.MjData) -> FloatArray:
-        """(3,) where it is, in m."""
+        """(3,) the position of the point in the world, in m."""
         found: FloatArray = data.xpos[self.body] + data.xmat[self.body].reshape(3, 3) @ self.local
         return found
 
@@ -55,7 +55,10 @@ _kept = threading.local()
 
 
 def state_of(model: mujoco.MjModel) -> mujoco.MjData:
-    """MuJoCo's state of a model for positions alone; each thread keeps one, since making one takes longer than its use."""
+    """MuJoCo's state of a model, for positions alone.
+
+    Each thread keeps one, since making one takes longer than anything that is computed with it here.
+    """
     import mujoco
 
     found: mujoco.MjData | None = getattr(_kept, "state", None)

@@ -135,7 +135,10 @@ class Session:
         self._on_disk = source.written if target is None else _text_of(target)
         problem = self.model.problem(options.get("method"), **given)
         if problem.model is None:
-            raise UsageError(f"{source.name} has no `replay:` section that names a model to show it with")
+            raise UsageError(
+                f"{source.name} has no `replay:` section that names a model to show it with",
+                "docs/own_model.md describes how to write a model and connect a spec to it",
+            )
         solution = self.model.solve(constants=given, **options)
         if solution.status != "optimal":
             raise UnsolvedError(
