@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from solver.kkt.dense import DenseKKT
 from symbolic_program import INF, SymbolicProgram
 
 from stc.solver import Options
 from stc.solver.iterate import Iterate
-from stc.solver.kkt import DenseKKT
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import cold_iterate
 from stc.symbolic.expr import call

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from core.instruction_sets import INSTRUCTIONS, need
+from solver.kkt.dense import DenseKKT
 from solver.kkt.kkt_problems import STRUCTURES, generic
 
 from stc.core import compiling
 from stc.core import library as core
 from stc.errors import StcError
-from stc.solver.kkt import DenseKKT
 from stc.solver.kkt.multifrontal import MultifrontalKKT
 
 HERE = Path(__file__).parent

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scaled_program import dense, errors_of, evaluate, inside, program, scaled
+from solver.kkt.dense import DenseKKT
 from symbolic_program import INF, SymbolicProgram
 
 from stc.core.calls import Bound
@@ -14,7 +15,7 @@ from stc.solver import Options
 from stc.solver.curvature import largest_step
 from stc.solver.elastic import ElasticKKT, ElasticProblem
 from stc.solver.filter import Filter
-from stc.solver.kkt import DenseKKT, structured_kkt
+from stc.solver.kkt import structured_kkt
 from stc.solver.kkt.contract import Inertia
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.projection import Projection

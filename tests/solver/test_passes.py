@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scaled_program import dense, errors_of, evaluate, inside, scaled
+from solver.kkt.dense import DenseKKT
 from symbolic_program import INF, SymbolicProgram
 
 from stc.core.functions import function
 from stc.core.structures import structure
 from stc.solver import Options
 from stc.solver.curvature import largest_step
-from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import Workspace

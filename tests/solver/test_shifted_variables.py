@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from quadratic_program import Quadratic
 from scipy.optimize import linprog
+from solver.kkt.dense import DenseKKT
 from symbolic_program import SymbolicProgram
 
 import stc
 from stc.solver import Options, minimize
-from stc.solver.kkt import DenseKKT
 from stc.solver.scaled_problem import ScaledProblem
 
 #: A smooth path in a tube, and the path of least total variation in it.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from solver.kkt.dense import DenseKKT
 
 from stc.solver import Options, Start, minimize
-from stc.solver.kkt.dense import DenseKKT
 
 
 class DenseQuadratic:
