@@ -22,13 +22,10 @@ from stc.solver.kkt.couplings import Couplings, sort_by_key
 __all__ = [
     "Group",
     "Numbered",
-    "Row",
     "Segmentation",
     "Stages",
     "find_segments",
     "number_stages",
-    "number_unknowns",
-    "row_of_stages",
 ]
 
 Int32s = NDArray[np.int32]
@@ -138,75 +135,31 @@ class Segmentation:
 
 
 def number_stages(
-    couplings: Couplings, stage: Int64s, held: NDArray[np.bool_] | None = None
+    couplings: Couplings, suggested: Int64s, held: NDArray[np.bool_] | None = None
 ) -> Numbered | None:
-    """Number the stages of a horizon, or None where there are too few for any two of them to be alike.
+    """Number stages and the unknowns of each, and find out what stages have in common.
+
+    None where there are too few for any two of them to be alike, or where too much couples with distant ones.
 
     Args:
-        stage: suggested stage of each unknown, (N,), any whole numbers.
+        suggested: stage of each unknown, (N,), any whole numbers.
         held: variables that never move, (n,); a stage is only like others that hold the same ones.
     """
-    row = row_of_stages(couplings, stage)
-    if row is None:
-        return None
-    forwards, _ = row.directions()
-    return number_unknowns(couplings, forwards, row.border, held)
-
-
-@dataclass(frozen=True)
-class Row:
-    """Stages in a row.
-
-    Attributes:
-        stage: of each unknown, numbered without gaps, (N,).
-        border: unknowns that couple with distant stages.
-        ahead, behind: 1 for unknowns that couple with the next stage, or with the one before, (N,).
-    """
-
-    stage: Int32s
-    border: Int32s
-    ahead: Int32s
-    behind: Int32s
-
-    def directions(self) -> tuple[Int32s, Int32s]:
-        """The stage of each unknown for who goes through them from the first one on, and for who comes from the last.
-
-        What a stage passes on to the next is to be little.
-        """
-        more_behind = np.count_nonzero(self.behind) - np.count_nonzero(self.ahead)
-        forwards = self.stage + (self.ahead > self.behind) if more_behind > 0 else self.stage
-        backwards = self.stage - (self.behind > self.ahead) if more_behind < 0 else self.stage
-        return forwards.astype(np.int32), backwards.astype(np.int32)
-
-
-def row_of_stages(couplings: Couplings, stage: Int64s) -> Row | None:
-    """Put stages in a row, or None where they are few, or where too much couples with distant ones."""
-    size = couplings.size
+    size, first, second = couplings.size, couplings.first, couplings.second
     if size == 0:
         return None
-    numbers, count = ranks(stage)
+    numbers, count = ranks(suggested)
     if count < 2 * LANES:
         return None
-    stage_of = numbers.astype(np.int32)
-    far, flagged = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
-    ahead, behind = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
-    first, second = couplings.first, couplings.second
-    _flag_border(first.size, first, second, stage_of, far, flagged, ahead, behind)
+    stage = numbers.astype(np.int32)
+    far, flagged, ahead, behind = (np.zeros(size, dtype=np.int32) for _ in range(4))
+    _flag_border(first.size, first, second, stage, far, flagged, ahead, behind)
     border = np.flatnonzero(flagged).astype(np.int32)
-    return Row(stage_of, border, ahead, behind) if border.size <= LARGEST_BORDER else None
-
-
-def number_unknowns(
-    couplings: Couplings, stage: Int32s, border: Int32s, held: NDArray[np.bool_] | None
-) -> Numbered:
-    """Number the unknowns of each stage, and find out what stages have in common.
-
-    Args:
-        stage: of each unknown, without gaps, (N,): couplings are with the one that is gone through next, or in it.
-        border: unknowns that couple with many stages; held: see ``number_stages``.
-    """
-    size = couplings.size
-    first, second = couplings.first, couplings.second
+    if border.size > LARGEST_BORDER:
+        return None
+    # What a stage passes on to the next is to be little.
+    if np.count_nonzero(behind) > np.count_nonzero(ahead):
+        stage = (stage + (ahead > behind)).astype(np.int32)
     stages = int(stage.max()) + 1
     order, pointers = sort_by_key(stage, stages)
     widest = int(np.diff(pointers).max())
