@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from stc.codegen.fusion import Fused
 from stc.codegen.lookups import clip, places, reaches, read, read_run
 from stc.codegen.runs import RUN
 from stc.codegen.tape import CIRCULAR, Tape
@@ -73,15 +72,6 @@ class Operations:
                 return vector.arithmetic("fdiv", sine, cosine)
             return sine if op == "sin" else cosine
         return vector.called(op, [a, b] if b else [a], 1, 1)[0]
-
-    def emit_fused(self, fused: Fused, first: str, second: str, other: str) -> str:
-        """A sum that takes in a product."""
-        vector = self.vector
-        if fused.negates_product:
-            first = vector.factor_neg(first)
-        return vector.intrinsic(
-            "fma", first, second, vector.factor_neg(other) if fused.negates_other else other
-        )
 
     def read(self, slot: int, place: str, number: int) -> dict[int, str]:
         """The number so many places after each lane's, and what is wanted of the three after it: by their literals."""

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, Final
@@ -93,6 +93,12 @@ class Tape:
     def n_uniform_ops(self) -> int:
         """How many operations run once per call: the first so many."""
         return sum(self.uniform_ops)
+
+    def reads(self) -> Iterator[tuple[int, tuple[int, ...]]]:
+        """The per-instance operations, by number, with the distinct slots that each one reads."""
+        for number in range(self.n_uniform_ops, len(self.ops)):
+            _, a, b = self.ops[number]
+            yield number, ((a, b) if b >= 0 and b != a else (a,))
 
     @cached_property
     def last_use(self) -> list[int]:

@@ -13,7 +13,7 @@ from typing import Final
 
 from stc.codegen.engine import function_numbers
 
-_INTRINSICS: Final = {"sqrt": 1, "trunc": 1, "fma": 3}
+_INTRINSICS: Final = ("sqrt", "trunc")
 
 
 class Vector:
@@ -69,18 +69,13 @@ class Vector:
         """``fadd``, ``fsub``, ``fmul`` or ``fdiv``."""
         return self.let(f"{instruction} {self.f} {a}, {b}")
 
-    def intrinsic(self, name: str, *operands: str) -> str:
-        """``sqrt``, ``trunc`` or ``fma``, which is ``a*b + c`` with one rounding."""
-        arguments = ", ".join([f"{self.f} {operand}" for operand in operands])
-        return self.let(f"call {self.f} @llvm.{name}.v{self.lanes}f64({arguments})")
+    def intrinsic(self, name: str, operand: str) -> str:
+        """``sqrt`` or ``trunc``."""
+        return self.let(f"call {self.f} @llvm.{name}.v{self.lanes}f64({self.f} {operand})")
 
     def neg(self, a: str) -> str:
         """The negative; 0 becomes -0."""
         return self.arithmetic("fsub", self.spread("%literals", self._n_literals + 1), a)
-
-    def factor_neg(self, a: str) -> str:
-        """The negative of an operand of ``fma``, which is part of its instruction."""
-        return self.let(f"fneg {self.f} {a}")
 
     def one(self) -> str:
         """A vector with 1 in all lanes."""
@@ -108,7 +103,5 @@ class Vector:
 
     def declarations(self) -> str:
         """The declarations of the intrinsic functions that kernels use, as lines of LLVM."""
-        return "".join(
-            f"declare {self.f} @llvm.{name}.v{self.lanes}f64({', '.join([self.f] * arity)})\n"
-            for name, arity in _INTRINSICS.items()
-        )
+        return "".join(f"declare {self.f} @llvm.{name}.v{self.lanes}f64({self.f})
+" for name in _INTRINSICS)
