@@ -103,5 +103,4 @@ class Vector:
 
     def declarations(self) -> str:
         """The declarations of the intrinsic functions that kernels use, as lines of LLVM."""
-        return "".join(f"declare {self.f} @llvm.{name}.v{self.lanes}f64({self.f})
-" for name in _INTRINSICS)
+        return "".join(f"declare {self.f} @llvm.{name}.v{self.lanes}f64({self.f})\n" for name in _INTRINSICS)
