@@ -28,7 +28,9 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
         "body",
         hinge(name, axis=(0.0, 1.0, 0.0), range=(-1.8, 1.8)),
         part("capsule", "fur", 0.18, fromto=(0.0, 0.0, -0.01, 0.0, 0.0, -0.13), size=(0.016,), name=name),
-        part("sphere", "cream", 0.04, pos=(0.006, 0.0, -0.15), size=(0.020,), name=name.replace("leg", "paw")),
+        part(
+            "sphere", "cream", 0.04, pos=(0.006, 0.0, -0.15), size=(0.020,), name=name.replace("leg", "paw")
+        ),
         name=name,
         pos=(ahead, 0.045 * aside, -0.03),
     )
