@@ -40,7 +40,10 @@ def evaluate(form: ScaledProblem, w: np.ndarray, y: np.ndarray, z: np.ndarray) -
     f, r = form.values(w[: form.n])
     c = form.residual(r, w)
     gradient, jac, hess = form.derivatives(w[: form.n], y)
-    dual = np.concatenate([gradient + form.transpose_times(jac, y), -y]) * form.moving
+    dual = (
+        np.concatenate([gradient + np.bincount(form.jac_cols, jac * y[form.jac_rows], form.n), -y])
+        * form.moving
+    )
     return Iterate(w, y, z, f, r, form.gap(w), c, float(np.abs(c).sum()), gradient, jac, hess, dual)
 
 

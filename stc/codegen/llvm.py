@@ -24,7 +24,7 @@ from stc.codegen.engine import LANES
 from stc.codegen.operations import Operations
 from stc.codegen.residency import Residency
 from stc.codegen.runs import RUN, Runs
-from stc.codegen.tape import CIRCULAR, TOGETHER, Tape
+from stc.codegen.tape import CIRCULAR, Tape
 from stc.codegen.vector import Vector
 from stc.symbolic.tables import READ
 
@@ -55,9 +55,7 @@ class _Kernel:
         self.shared = self._once_per_call()
         self.kept = runs.kept_rows(tape)
         # Four registers are for what goes on inside one operation.
-        self.residency = Residency(
-            tape, self.vector, max(registers - 4, TOGETHER + 2), self.shared, self._load_input
-        )
+        self.residency = Residency(tape, self.vector, max(registers - 4, 4), self.shared, self._load_input)
         self.last_part = "compute"
         self._per_block()
 
@@ -138,8 +136,6 @@ class _Kernel:
         }
         read_by = {(a, b): tape.first_op + k for k, (op, a, b) in enumerate(tape.ops) if op == READ}
         known: set[int] = set()
-        # Angles whose sines and cosines are not there yet.
-        angles = dict.fromkeys(a for op, a, _ in tape.ops[tape.n_uniform_ops :] if op in CIRCULAR)
         for number, reads in tape.reads():
             op, a, b = tape.ops[number]
             slot = tape.first_op + number
@@ -149,16 +145,9 @@ class _Kernel:
                 second = "" if b < 0 else first if b == a else residency.operand(b, reads)
                 for read in reads:
                     residency.used(read)
-                together = {a: first} if a in angles else {}
-                if together:
-                    # Others that are there already go along: a processor has little else to do meanwhile.
-                    for angle in [angle for angle in angles if angle < slot and angle != a][: TOGETHER - 1]:
-                        together[angle] = residency.operand(angle, tuple(together))
-                    for angle in together:
-                        del angles[angle]
-                if each.calls(op, a):
+                called = each.calls(op, a)
+                if called:
                     residency.vacate()
-                each.circular(list(together), list(together.values()))
                 if op == READ:
                     for literal, number_read in each.read(a, first, b).items():
                         made.append((read_by[a, literal], number_read))
@@ -166,9 +155,9 @@ class _Kernel:
                 else:
                     made.append((slot, each.emit(op, a, first, second, b)))
                 # What is there as well is a value like others from now on.
-                for angle in together:
-                    for other, value in zip(("sin", "cos"), each.circular([angle], [""])[0], strict=True):
-                        partner = slot_of.get((other, angle), -1)
+                if called and op in CIRCULAR:
+                    for other, value in zip(("sin", "cos"), each.circular(a, first), strict=True):
+                        partner = slot_of.get((other, a), -1)
                         if partner > slot:
                             made.append((partner, value))
                             known.add(partner)
@@ -198,8 +187,8 @@ class _Kernel:
             "shared": len(self.shared),
             "fetched": RUN * self.runs.count * self._vectors,
             "homes": self.residency.places,
-            "from": TOGETHER,
-            "to": 2 * TOGETHER,
+            "from": 4,  # two operands, and as much beyond as functions of wider vectors reach
+            "to": 4,
         }
         lines = [
             self.vector.declarations()

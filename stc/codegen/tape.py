@@ -21,8 +21,7 @@ way here:
 - Uniform factors of a product are multiplied with each other first, once per call.
 - Expressions that are equal as polynomials are computed once, whichever way they are written.
 
-Operations come in the order of :func:`_schedule`, but for the angles of sines and cosines: those are computed a few at
-a time, so that back ends can have their functions computed side by side.
+Operations come in the order of :func:`_schedule`.
 """
 
 from __future__ import annotations
@@ -54,9 +53,6 @@ counted from the first of those; k is a literal.
 
 CIRCULAR: Final = ("sin", "cos", "tan")
 """The operators that have most of their work in common, if they have their operand in common."""
-
-TOGETHER: Final = 4
-"""Sines and cosines of so many angles are computed by one call."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,23 +157,6 @@ class Tape:
         return "\n".join(lines)
 
 
-def _order(program: Program, roots: Sequence[int]) -> list[int]:
-    """The operations that the roots need: circular functions first, after the angles of a few of them each time."""
-    order = _schedule(program, roots)
-    wanted: dict[int, list[int]] = {}
-    for k in order:
-        if program.op[k] in CIRCULAR and not program.uniform[k]:
-            wanted.setdefault(program.a[k], []).append(k)
-    if len(wanted) < 2:
-        return order
-    angles = list(wanted)
-    first: list[int] = []
-    for at in range(0, len(angles), TOGETHER):
-        some = angles[at : at + TOGETHER]
-        first += [*some, *(k for angle in some for k in wanted[angle])]
-    return _schedule(program, [*first, *roots])
-
-
 def _schedule(program: Program, roots: Sequence[int]) -> list[int]:
     """The operations that the roots need, operands first, depth first, the larger operand first.
 
@@ -239,7 +218,7 @@ def build_tape(outputs: Sequence[Expr], uniform: Sequence[Hashable], varying: Se
     given = frozenset(key for key in varying if isinstance(key, Expr))
     number = Lowering(program, reachable(outputs, given), input_of).number
     roots = [number[e] for e in outputs]
-    order = _order(program, roots)
+    order = _schedule(program, roots)
     order = [k for k in order if program.uniform[k]] + [k for k in order if not program.uniform[k]]
 
     used = set(roots)

@@ -86,12 +86,11 @@ class Vector:
         condition = self.let(f"fcmp {relation} {self.f} {a}, {b}")
         return self.let(f"select <{self.lanes} x i1> {condition}, {self.f} {yes}, {self.f} {no}")
 
-    def called(self, name: str, operands: Sequence[str], count: int, results: int) -> list[str]:
-        """What a function of the core (``tape_functions`` of ``stc/core/calls.h``) finds for ``count`` vectors, or
-        for as many pairs: all firsts, then all seconds."""
+    def called(self, name: str, operands: Sequence[str], results: int) -> list[str]:
+        """What a function of the core (``tape_functions`` of ``stc/core/calls.h``) finds for a vector or two."""
         for place, operand in enumerate(operands):
             self.store(operand, "%from", place)
-        self.call(name, f"ptr %from, ptr %to, i64 {count * self.lanes}")
+        self.call(name, f"ptr %from, ptr %to, i64 {self.lanes}")
         return [self.load("%to", place) for place in range(results)]
 
     def call(self, name: str, arguments: str) -> None:

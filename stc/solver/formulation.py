@@ -195,10 +195,6 @@ class Formulation(ABC):
         """``J v``, (m,)."""
         return times(self.jac_rows, self.jac_cols, jac, v, self.m)
 
-    def transpose_times(self, jac: Floats, y: Floats) -> Floats:
-        """``J^T y``, (n,)."""
-        return times(self.jac_cols, self.jac_rows, jac, y, self.n)
-
     def hessian_times(self, hess: Floats, v: Floats) -> Floats:
         """``H v``, (n,), from the lower triangle."""
         product = symmetric_times(self.hess_rows, self.hess_cols, hess, v, self.n)

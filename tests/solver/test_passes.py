@@ -37,7 +37,9 @@ def test_errors_are_those_of_the_definition(seed: int, mu: float) -> None:
     form, work = at_work(seed)
     s = work.s
     x, r = work.it.w[: form.n], work.it.r
-    assert (s.stated, s.violation) == pytest.approx(form.user_measures(x, work.it.f, r), rel=1e-12)
+    assert (s.stated, s.violation) == pytest.approx(
+        (form.user_objective(work.it.f), form.violation(x, r)), rel=1e-12
+    )
     work.run("point_measure", mu)
     wanted = errors_of(form, work.it, mu)
     assert (s.dual_error, s.primal, s.gap_error) == pytest.approx(wanted, rel=1e-12)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -11,10 +10,9 @@ from scaled_program import dense, scaled
 
 from stc.core.functions import function
 from stc.core.structures import structure
-from stc.solver.active_set_system import factorize_restricted
 from stc.solver.kkt.contract import Inertia
 from stc.solver.products import NOTHING
-from stc.solver.projection import Projection
+from stc.solver.projection import Projection, factorize_restricted
 
 diagonals = function("conditions_restricted_diagonals")
 
@@ -73,9 +71,9 @@ class _Dense:
         self.point = structure("primal_dual")(
             nlp=structure("program")(n=n, m=m, held=np.zeros(n), equality=np.ones(m)),
             kkt=structure("linear_system")(primal=self.primal, dual=self.dual), active_x=np.zeros(n),
-            active_rows=np.ones(m),
+            active_rows=np.ones(m), largest_curvature=float(np.abs(self.hess).max()),
         )  # fmt: skip
-        self.tried, self.largest = 0, float(np.abs(self.hess).max())
+        self.tried = 0
 
     def refactor(self) -> Inertia:
         self.tried += 1
@@ -100,7 +98,7 @@ def test_shifts_that_cannot_help_are_not_tried(
     hess: list[list[float]], jac: list[list[float]], reached: int, positive: bool, tried: int
 ) -> None:
     given = _Dense(hess, jac)
-    assert factorize_restricted(partial(diagonals, given.point), given.largest, cast(Any, given)) == (
+    assert factorize_restricted(given.point, cast(Any, given)) == (
         reached,
         positive,
     )
