@@ -48,12 +48,16 @@ def test_whole_specs_solve(spec: str, tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def commands(page: str, kind: str) -> list[list[str]]:
-    """The command lines of a page of a kind: those that render, that replay hundreds of times, or the others; without
-    those that serve until Ctrl-C."""
+    """The command lines of a page of a kind: those that render, those that replay often or film, or the others.
+
+    Those that serve until Ctrl-C are left out.
+    """
     lines = re.findall(r"^    stc (?!steer )(.*?)(?:  +#.*)?$", (ROOT / page).read_text(), re.MULTILINE)
 
     def kind_of(words: list[str]) -> str:
-        return "robustness" if "--robustness" in words else "render" if words[0] == "render" else "other"
+        if {"sweep", "--robustness", "--report"}.intersection(words):
+            return "long"
+        return "render" if words[0] == "render" else "other"
 
     found = [line.split() for line in lines if kind_of(line.split()) == kind]
     assert found
@@ -63,10 +67,12 @@ def commands(page: str, kind: str) -> list[list[str]]:
 RENDER = pytest.param("render", marks=pytest.mark.needs("opengl"))
 
 
-@pytest.mark.parametrize("kind", ["other", RENDER, pytest.param("robustness", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("kind", ["other", RENDER, pytest.param("long", marks=pytest.mark.nightly)])
 def test_commands_of_the_readme_work(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(["new", "myspec"]) == 0
+    if kind == "long":
+        assert run(["solve", "particle_waypoints"]) == 0
     for words in commands("README.md", kind):
         assert run(words) == 0, words
 

@@ -44,6 +44,7 @@ def test_what_is_done_is_told_on_a_terminal(words: list[str], told: bytes, tmp_p
     assert told in re.sub(rb"\x1b\[[0-9;?]*[A-Za-z]", b"", seen)  # without what positions and colours it
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("words", [words for words, _ in WORDS], ids=lambda words: words[0])
 def test_nothing_is_told_where_nobody_watches(words: list[str], tmp_path: Path) -> None:
     done = subprocess.run(

@@ -13,8 +13,6 @@ from stc.cli import model_starter
 from stc.cli.main import run
 from stc.validate import validate
 
-SLOW = pytest.mark.slow
-
 
 def test_a_model_is_listed_with_what_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = tmp_path / "sticky.xml"
@@ -296,14 +294,8 @@ _FRONT_WHEELS = "".join(
 _CASTER = '<geom name="caster" size=".02" pos=".15 0 -.03" mass=".1" condim="1" priority="1"/>'
 
 
-@SLOW
-@pytest.mark.parametrize(
-    ("front", "wheels"),
-    [
-        pytest.param(_FRONT_WHEELS, 4, marks=pytest.mark.nightly, id="four"),
-        pytest.param(_CASTER, 2, id="caster"),
-    ],
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize(("front", "wheels"), [(_FRONT_WHEELS, 4), (_CASTER, 2)])
 def test_a_starter_of_a_car_stands_on_its_wheels(
     front: str, wheels: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

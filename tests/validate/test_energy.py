@@ -94,6 +94,7 @@ def test_a_motion_without_work_closes_its_books(method: str, g: float) -> None:
     assert validate(solution).passed
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
 def test_standing_still_closes_the_books(method: str, tmp_path: Path) -> None:
     angle = held(0.4)

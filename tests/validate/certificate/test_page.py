@@ -177,7 +177,7 @@ def chunks(content: bytes) -> list[tuple[bytes, bytes]]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.needs("opengl")
 def test_the_film_can_be_taken_apart_into_whole_frames(reach: Certificate, tmp_path: Path) -> None:
     pictures = render(reach.replays)
