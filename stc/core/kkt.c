@@ -7,13 +7,7 @@
 
 #include "system.h"
 
-/* A plan is made anew, from the values at hand, where delayed pivots have cost so many times the planned operations in
- * all, and twice as much each time: some matrices suit no plan. */
-#define WASTED 4.0
-/* The first two plans are made anew, knowing which unknowns have been delayed, where the first matrix has cost so many
- * times the planned operations beyond those; the third takes all for weak. */
-#define SOON 0.1
-#define LEARNING 2
+/* Sweeps that scale the magnitudes a plan is made from. */
 #define PLAN_SWEEPS 4
 /* Stages of so many unknowns on average are wide, and sparse those that have fewer entries off the diagonal than this, for
  * each two unknowns of a stage: an order that ignores stages is tried, too, and taken where it has fewer operations. */
