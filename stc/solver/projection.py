@@ -19,7 +19,7 @@ from stc.core.calls import CallTable
 from stc.core.functions import function
 from stc.core.structures import Structure, structure
 from stc.solver.constants import CALLS, DERIVATIVES, SOLVE, VALUES
-from stc.solver.kkt.contract import COARSE, FINE, AttachedKKT, NotFinite
+from stc.solver.kkt.contract import COARSE, FINE, KKTSystem, NotFinite
 from stc.solver.nlp import Floats
 from stc.solver.products import NOTHING
 from stc.solver.scaled_problem import ScaledProblem
@@ -30,7 +30,7 @@ AGAINST_DEPENDENT_ROWS = 1
 """The regularity with the one shift alone."""
 
 
-def factorize_restricted(point: Structure, kkt: AttachedKKT, regularity: int = 0) -> tuple[int, bool]:
+def factorize_restricted(point: Structure, kkt: KKTSystem, regularity: int = 0) -> tuple[int, bool]:
     """Factorise the H and J in the arrays of a KKT system for the active set of a point, regularised as it takes.
 
     Args:
