@@ -118,7 +118,7 @@ def test_another_start_is_asked_for_in_terms_of_the_whole() -> None:
     program = standing()
     less = presolved(program)
     assert less is not None
-    other = Start(np.arange(float(program.n)), np.arange(float(program.m)))
+    other = Start(np.arange(float(program.n)), np.arange(float(program.m)), -np.arange(float(program.n)))
     start = less.start(Start(program.x0, another=lambda left: (other, left - 3)))
     assert start.x.tolist() == program.x0[less.known.part.cols].tolist()
     assert start.another is not None
@@ -128,6 +128,7 @@ def test_another_start_is_asked_for_in_terms_of_the_whole() -> None:
     part = less.known.part
     assert found.x.tolist() == part.cols.tolist()
     assert found.row_multipliers is not None and found.row_multipliers.tolist() == part.rows.tolist()
+    assert found.bound_multipliers is not None and (-found.bound_multipliers).tolist() == part.cols.tolist()
     none = less.start(Start(program.x0, another=lambda left: (None, left))).another
     assert none is not None
     assert none(7) == (None, 7)
