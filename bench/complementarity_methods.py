@@ -74,12 +74,12 @@ def brought_down(
         warm = start.row_multipliers is not None
         limits = Options(max_iterations=MOST)
         if len(steps) > 1:
-            limits = replace(limits, max_iterations=EACH, retries=0, warm_start=warm)
+            limits = replace(limits, max_iterations=EACH, retries=0, warm_start=warm, trusting=False)
         result = minimize(program, limits, start=start)
         spent += result.iterations
         start = Start(result.x)
         if result.success:
-            start = Start(result.x, result.row_multipliers)
+            start = Start(result.x, result.row_multipliers, result.bound_multipliers)
         if spent > MOST:
             break
     return spent, result

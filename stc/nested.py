@@ -238,7 +238,7 @@ class Nested:
         expected.
         """
         # Those that are made half way are taken off.
-        quick = replace(self._attempt(3 * ITERATIONS), warm_start=True)
+        quick = replace(self._attempt(3 * ITERATIONS), warm_start=True, trusting=False)
         self._promised = ratio * before.objective
         start = replace(self.start(before), another=only_once(partial(self._offer_half_way, before)))
         found = self._on_all(quick, start)
@@ -267,7 +267,7 @@ class Nested:
         start = None if self._went_half_way else self._half_way(before, self._left().max_iterations)[0]
         if start is None or self._as_promised(worse) or self._stopped or self._over:
             return _uncounted(worse)
-        other = self._on_all(replace(self._attempt(), warm_start=True), start)
+        other = self._on_all(replace(self._attempt(), warm_start=True, trusting=False), start)
         if other.status is Status.OPTIMAL and other.objective < worse.objective:
             return other
         self._count(other)
@@ -329,7 +329,7 @@ class Nested:
                         return self.start(before), spent
             return None, spent
 
-        start = Start(own.x, own.row_multipliers, another)
+        start = Start(own.x, own.row_multipliers, own.bound_multipliers, another)
         return self._counted(self._on_all(self.options, start))
 
     def _on_all(self, options: Options, start: Start | None) -> Result:

@@ -111,6 +111,6 @@ def _walked(
         if value != last and missed and again < AGAIN:
             again, start = again + 1, Start(found.x)
         else:
-            again, start = 0, Start(found.x, found.row_multipliers)
+            again, start = 0, Start(found.x, found.row_multipliers, found.bound_multipliers)
             to_come = to_come[1:]
     return replace(found, iterations=iterations, factorizations=factorizations), ended

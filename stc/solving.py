@@ -274,7 +274,7 @@ class ColdSolve:
         some, reduced, _ = self._reduced
         start, bound = self.model.follow(motion, reduced, some, few)
         guess = only_once(lambda _: (Start(reduced.bind(some.constants).x0), 0))
-        options = replace(options, warm_start=True)
+        options = replace(options, warm_start=True, trusting=False)
         return self._coarse(options, told, replace(start, another=guess), bound), fewer.ratio
 
     def _follow(self, motion: Solution) -> Start:

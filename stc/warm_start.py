@@ -33,6 +33,7 @@ def start_from(
     same = (
         len(earlier.x) == program.size
         and len(earlier.row_multipliers) == program.row_count
+        and len(earlier.bound_multipliers) == program.size
         and earlier.method == problem.method
         and alignment.is_identity
     )
@@ -40,7 +41,7 @@ def start_from(
     if same and np.isfinite(earlier.x).all():
         if not optimal:
             return Start(earlier.x), None
-        return Start(earlier.x, earlier.row_multipliers), None
+        return Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers), None
     from stc.guess_file import SolutionValues
 
     bound = transcription.bind(problem.constants, guess=SolutionValues(earlier, alignment), check=False)
@@ -49,7 +50,7 @@ def start_from(
     from stc.transcription.resample import resample_multipliers
 
     lengths = transcription.recovery(bound.x0, problem.constants).lengths
-    return Start(bound.x0, resample_multipliers(earlier, transcription, bound, lengths, alignment)), bound
+    return Start(bound.x0, *resample_multipliers(earlier, transcription, bound, lengths, alignment)), bound
 
 
 def aligned(earlier: Solution, problem: Problem, before: Callable[[], Problem]) -> Alignment:

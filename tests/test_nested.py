@@ -243,7 +243,7 @@ def test_a_better_or_equal_solution_is_taken(small: Model) -> None:
     result = fake.run()
     assert (result.objective, result.iterations, result.factorizations) == (10.2, 9, 18)
     options, start = fake.asked[1]
-    assert start is not None and options.warm_start
+    assert start is not None and options.warm_start and not options.trusting
 
 
 class Alone(Fake):
@@ -294,7 +294,7 @@ def test_a_better_motion_half_way_leads_on(
     result = fake.run()
     assert (result.objective, result.iterations) == (taken, iterations)
     options, start = fake.asked[3]
-    assert start is not None and options.warm_start
+    assert start is not None and options.warm_start and not options.trusting
     if taken == 9.0:  # neither is what was promised
         assert fake.asked[4][1] is None
 
@@ -556,6 +556,7 @@ def test_half_way_there_are_as_many_times_more_frames_as_all_are_more_than_these
 def always_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """Solves from fewer frames are left to the barrier, and taken for lost after their first step."""
     monkeypatch.setattr("stc.solver.active_set.STEPS", 0)
+    monkeypatch.setattr("stc.solver.warm_start.from_neighbour", lambda *_, **__: (None, False))
     monkeypatch.setattr("stc.solver.active_set.NEAR", 0.0)
     monkeypatch.setattr("stc.solver.sqp.FOLLOWED", Tactics(budget=1))
 

@@ -28,6 +28,8 @@ class Options:
         scaling: scale objective, rows and badly scaled variables automatically.
         presolve: leave out what bounds and linear equations determine.
         warm_start: start from the primal-dual start and its active set.
+        trusting: no effort is spared to keep to the active set of a warm start; otherwise, as from another number of
+            frames, only its variables are started from where the active set does not lead to a solution at once.
         initial_barrier: barrier parameter of a cold start.
         retries: how many other ways (feasibility first, the least violation from here and there, starts nearby and
             elsewhere, limits that are wide at first, a cautious barrier) are tried before a failure or local
@@ -43,6 +45,7 @@ class Options:
     scaling: bool = True
     presolve: bool = True
     warm_start: bool = False
+    trusting: bool = True
     initial_barrier: float = 0.1
     retries: int = 9
     seed: int = 0

@@ -81,7 +81,7 @@ class Penalised:
     def start(self, start: Start) -> Start:
         """A start of the whole program, as it concerns this one."""
         y = start.row_multipliers
-        return Start(start.x, None if y is None else y[self.kept])
+        return Start(start.x, None if y is None else y[self.kept], start.bound_multipliers)
 
     def values(self, x: Floats) -> tuple[float, Floats]:
         """See :class:`NLP`."""

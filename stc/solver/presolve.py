@@ -118,8 +118,13 @@ class Reduced:
         return start.mapped(self._part_of)
 
     def _part_of(self, start: Start) -> Start:
-        part, x, y = self.known.part, np.asarray(start.x, float), start.row_multipliers
-        return Start(x[part.cols], y if y is None else y[part.rows])
+        part, x, y, z = (
+            self.known.part,
+            np.asarray(start.x, float),
+            start.row_multipliers,
+            start.bound_multipliers,
+        )
+        return Start(x[part.cols], y if y is None else y[part.rows], z if z is None else z[part.cols])
 
     def callback(self, callback: Callback | None) -> Callback | None:
         """A callback for this program that passes the iterates of the whole program to ``callback``."""

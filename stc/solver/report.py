@@ -19,6 +19,7 @@ class Start:
     Attributes:
         x: variables, (n,).
         row_multipliers: (m,) or None; sign convention of :mod:`stc.solver.nlp`.
+        bound_multipliers: (n,) or None.
         another: asked, with the number of iterations that are left, for another start where this one does not lead to a
             solution soon, and again where that one does not: one, or None where there are no more, and how many
             iterations it took to find out. It raises KeyboardInterrupt to stop the solve.
@@ -26,6 +27,7 @@ class Start:
 
     x: Floats
     row_multipliers: Floats | None = None
+    bound_multipliers: Floats | None = None
     another: Callable[[int], tuple[Start | None, int]] | None = field(default=None, repr=False, compare=False)
 
     def mapped(self, change: Callable[[Start], Start]) -> Start:
@@ -52,7 +54,7 @@ class IterationRecord:
         step_length: accepted fraction of the last step; above 1 where it was lengthened.
         mu: barrier parameter (0 in a Newton step on the active set).
         regularization: what was added to the Hessian's diagonal.
-        phase: ``"barrier"``, ``"active-set"`` or ``"restoration"``.
+        phase: ``"barrier"``, ``"active-set"``, ``"warm"`` (from a neighbour's solution) or ``"restoration"``.
         x: the point itself, (n,), for the callback only: a history keeps none.  It is the solver's own array,
             to be copied by whoever keeps it.  None while the same motion is solved on fewer frames.
     """

@@ -250,6 +250,10 @@ class ScaledProblem(Formulation):
         """Row multipliers of the scaled problem, (m,), for those in the user's terms."""
         return y / self.row_scale * self.objective_scale
 
+    def scaled_bound_multipliers(self, z: Floats) -> Floats:
+        """Multipliers of the bounds of the scaled variables, (n,), for those of the variables as stated."""
+        return z * self.x_scale * self.objective_scale
+
 
 def _limits(
     scaled: tuple[Floats, Floats], stated: tuple[Floats, Floats], unit: Floats

@@ -186,7 +186,7 @@ class _Solve:
                 self._helped(
                     form,
                     FOLLOWED,
-                    lambda tactics: strategies.warm(form, x0, self.start, tactics),
+                    lambda tactics: strategies.warm(form, x0, self.start, options.trusting, tactics),
                 )
             )
         else:
@@ -279,7 +279,7 @@ class _Solve:
         x = between(np.asarray(start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
         if start.row_multipliers is None:
             return self.strategies.barrier(form, x, tactics)
-        return self.strategies.warm(form, x, start, tactics)
+        return self.strategies.warm(form, x, start, False, tactics)
 
     def _is_proof(self, outcome: Outcome) -> bool:
         """Whether the violation of the outcome is proved to be the smallest possible one."""

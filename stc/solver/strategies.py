@@ -30,19 +30,29 @@ class Strategies:
     def __init__(self, nlp: NLP, options: Options, monitor: Monitor, judgement: Judgement) -> None:
         self.nlp, self.options, self.monitor, self.judgement = nlp, options, monitor, judgement
 
-    def warm(self, form: ScaledProblem, x0: Floats, start: Start, tactics: Tactics) -> Outcome:
-        """Newton's method on a neighbour's active set; where it does not converge, a short barrier path.
+    def warm(
+        self, form: ScaledProblem, x0: Floats, start: Start, trusting: bool, tactics: Tactics
+    ) -> Outcome:
+        """Steps from a neighbour's solution; where they do not converge, a short barrier path to it.
 
         Along a flat valley of the objective that path is a long one. There a parameter that is chosen freely grows
         again, and leads away from where the rows are nearly met: after some steps it is held from the first.
         """
         assert start.row_multipliers is not None
-        x, y = x0 / form.x_scale, form.scaled_multipliers(start.row_multipliers)
-        found = self._by_newton(form, x, y, PATIENCE)
-        if found is not None:
-            return found
-        if not form.gaps:  # no other active set to be found
-            return self.barrier(form, x0, tactics)
+        x, y, z = x0 / form.x_scale, form.scaled_multipliers(start.row_multipliers), np.zeros(form.n)
+        if start.bound_multipliers is not None:
+            z = form.scaled_bound_multipliers(start.bound_multipliers)
+        if not trusting:
+            outcome = self._by_newton(form, x, y, PATIENCE)
+            if outcome is not None:
+                return outcome
+            if not form.gaps:  # no other active set to be found
+                return self.barrier(form, x0, tactics)
+        from stc.solver.warm_start import from_neighbour
+
+        point, minimum = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor)
+        if point is not None:
+            return Outcome(End.CONVERGED, form, point.x, point.y, point.error, minimum=minimum)
         it = warm_iterate(form, x, y)
         free = replace(tactics, budget=min(tactics.budget, SHORT_BUDGET))
         outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=free)

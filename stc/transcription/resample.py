@@ -16,7 +16,7 @@ from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.transcription.bind import BoundProgram
 from stc.transcription.grid import AFTER, BEFORE, IntArray, Nodes
-from stc.transcription.multipliers import rows_by_statement
+from stc.transcription.multipliers import bound_nodes, rows_by_statement
 from stc.transcription.statements import LINK
 from stc.transcription.transcription import LARGEST_KEPT, Transcription
 
@@ -39,8 +39,9 @@ def resample_multipliers(
     bound: BoundProgram,
     lengths: FloatArray,
     alignment: Alignment,
-) -> FloatArray:
-    """Multipliers of rows (m,) that follow an earlier solution's; 0 for statements that it does not have.
+) -> tuple[FloatArray, FloatArray]:
+    """Multipliers of rows (m,) and bounds (size,) that follow an earlier solution's; 0 for statements that it does not
+    have.
 
     Args:
         bound: the program to start, its ``x0`` following the same solution.
@@ -49,10 +50,12 @@ def resample_multipliers(
     """
     row_count = transcription.program.row_count
     if not transcription.grid.n or not solution.n or not solution.multipliers:
-        return np.zeros(row_count)
+        return np.zeros(row_count), np.zeros(transcription.program.size)
     values = np.concatenate([block.values for block in solution.multipliers])
-    way = _way_of(solution, transcription, alignment)
-    return way.follow(values, np.diff(solution.time), lengths) * _objective_ratio(solution, bound)
+    way = _way_of(solution, transcription, bound, alignment)
+    found = way.follow(values, np.diff(solution.time), lengths)
+    found *= _objective_ratio(solution, bound)
+    return found[:row_count], found[row_count:]
 
 
 def _objective_ratio(solution: Solution, bound: BoundProgram) -> float:
@@ -152,18 +155,20 @@ class _Way:
     """The computation of multipliers of one motion from those of another, for any numbers.
 
     Attributes:
-        known_by: all its inputs.
+        known_by: all its inputs except the bounds.
+        bounds: bounds of the program to start.
         old: time of each of the old multipliers.
         new: time of each new multiplier computed by density.
         dense: indices of those, among the entries below.
-        target: the row of each entry.
+        target: index of each entry, rows and then bounds.
         left, right: the old multipliers on either side; those per unit of time follow all others.
         part: its position between the two.
         beside: whether it is at the right one.
-        size: number of rows.
+        size: numbers of rows and bounds.
     """
 
     known_by: tuple[object, ...]
+    bounds: object
     old: _Weights
     new: _Weights
     dense: IntArray
@@ -190,16 +195,18 @@ class _Way:
         return found
 
 
-def _way_of(solution: Solution, transcription: Transcription, alignment: Alignment) -> _Way:
+def _way_of(
+    solution: Solution, transcription: Transcription, bound: BoundProgram, alignment: Alignment
+) -> _Way:
     """The computation for a solution and a program; the last ones are cached."""
     nodes = [(b.kind, b.label, b.nodes.tobytes(), b.sides.tobytes()) for b in solution.multipliers]
     known_by = solution.n, alignment.old.tobytes(), alignment.new.tobytes(), *nodes
     ways: list[_Way] = transcription.remembered("ways of multipliers", lambda _: [])
     for way in ways:
-        if way.known_by == known_by:
+        if way.bounds is bound.bounds and way.known_by == known_by:
             return way
-    way = _new_way(known_by, solution, transcription, alignment)
-    if transcription.program.size + way.size <= LARGEST_KEPT:
+    way = _new_way(known_by, solution, transcription, bound, alignment)
+    if bound.n + bound.m <= LARGEST_KEPT:
         ways[:] = [way, *ways[: KEPT - 1]]
     return way
 
@@ -208,9 +215,10 @@ def _new_way(
     known_by: tuple[object, ...],
     solution: Solution,
     transcription: Transcription,
+    bound: BoundProgram,
     alignment: Alignment,
 ) -> _Way:
-    n = transcription.grid.n
+    n, program = transcription.grid.n, transcription.program
     several = np.array([r.range.first < r.range.last for r in transcription.problem.relations] + [False])
     before = _Before(alignment, n, solution)
     after = _After(n, before.count)
@@ -224,10 +232,16 @@ def _new_way(
             mine = turn == k
             density = np.full(mine.sum(), k > 0) if kind == "link" else wide[mine]
             after.add(strand, nodes[mine], density, ids[mine])
+    for label, nodes, position in bound_nodes(transcription):
+        strands = before.strands.get(("bound", label), [])
+        if strands:
+            owner = np.maximum(bound.bounds.lower_from[position], bound.bounds.upper_from[position])
+            wide = _of_owners(several, owner) & (len(nodes) > 1)
+            after.add(strands[0], nodes, wide, program.row_count + position)
     target, left, right, part, beside, dense = after.joined()
     new = _Weights.joined(after.weights)
-    size = transcription.program.row_count
-    return _Way(known_by, before.weights, new, dense, target, left, right, part, beside, size)
+    size = program.row_count + program.size
+    return _Way(known_by, bound.bounds, before.weights, new, dense, target, left, right, part, beside, size)
 
 
 class _Before:

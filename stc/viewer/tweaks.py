@@ -216,7 +216,7 @@ class TweakSession:
             nonlocal superseded, sketched
             self.iteration = record.iteration
             near = record.violation <= NEAR and record.optimality <= NEARLY_OPTIMAL
-            near |= record.phase == "active-set" and record.violation <= NEAR_AFTER_ONE_STEP
+            near |= record.phase == "warm" and record.violation <= NEAR_AFTER_ONE_STEP
             if not sketched and near and record.iteration and record.x is not None:
                 sketched = True
                 self._offer(record, wish)

@@ -85,7 +85,7 @@ def test_a_body_that_stands_is_not_solved_for() -> None:
 def test_it_starts_from_a_solution() -> None:
     program = standing()
     first = minimize(program)
-    start = Start(first.x, first.row_multipliers)
+    start = Start(first.x, first.row_multipliers, first.bound_multipliers)
     again = minimize(program, Options(warm_start=True), start=start)
     assert again.status is Status.OPTIMAL
     assert again.iterations <= 1

@@ -92,8 +92,11 @@ def test_a_start_without_inequalities_that_leads_nowhere_ends_on_the_barrier_pat
         lambda x: (x[0] - 1.0) ** 2 + x[1] ** 2,
         lambda x: [(x[0] * x[0] * x[0] + x[0] - x[1], 0.0, 0.0)],
     )
-    result = minimize(nlp, Options(warm_start=True), start=Start(nlp.x0, np.array([1e4])))
+    result = minimize(
+        nlp, Options(warm_start=True, trusting=False), start=Start(nlp.x0, np.array([1e4]), np.zeros(2))
+    )
     assert result.success
+    assert "warm" not in {record.phase for record in result.history}
     x, y = result.x
     assert y == pytest.approx(x**3 + x, abs=1e-8)
     # The stationary point of (x - 1)^2 + (x^3 + x)^2.

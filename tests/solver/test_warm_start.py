@@ -1,12 +1,17 @@
-"""Warm starts: how few steps a neighbouring problem takes."""
+"""Warm starts: the quadratic programs of the steps, and how few steps a neighbouring problem takes."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from solver.kkt.dense import DenseKKT
 
 from stc.solver import Options, Start, minimize
+from stc.solver.primal_dual import measure
+from stc.solver.quadratic import ActiveSet, QuadraticProgram
+from stc.solver.scaled_problem import ScaledProblem
 
 
 class DenseQuadratic:
@@ -55,6 +60,41 @@ def random_problem(seed, cubic=0.0):
     )
 
 
+def guess_of(rng, lower, upper):
+    signs = rng.integers(-1, 2, len(lower)).astype(np.int32)
+    reachable = np.where(signs > 0, np.isfinite(upper), np.isfinite(lower))
+    return np.where(reachable & (lower < upper), signs, 0).astype(np.int32)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=60, deadline=None)
+def test_a_guess_of_the_active_set_leads_to_the_solution_or_nowhere(seed):
+    nlp = random_problem(seed)
+    form = ScaledProblem(nlp, nlp.x0, Options(), DenseKKT)
+    point = measure(form, nlp.x0, np.zeros(nlp.m), np.zeros(nlp.n))
+    rng = np.random.default_rng(seed)
+    guess = ActiveSet(guess_of(rng, *form.true_x), guess_of(rng, *form.true_rows))
+    with np.errstate(all="ignore"):
+        found = QuadraticProgram(form, point, 1e-9).solve(guess)
+    if found is None:  # active sets that go round
+        return
+    # The optimality conditions of a convex problem, written out in the problem's own units.
+    x = (point.x + found.d) * form.x_scale
+    y, z = form.as_stated(x, found.y)[1], found.z / form.x_scale / form.objective_scale
+    r = nlp.A @ x
+    slack = 1e-6
+    assert np.all(x >= nlp.x_lower - slack) and np.all(x <= nlp.x_upper + slack)
+    assert np.all(r >= nlp.row_lower - slack) and np.all(r <= nlp.row_upper + slack)
+    scale = 1 + np.abs(y).max(initial=0) + np.abs(z).max()
+    assert nlp.Q @ x + nlp.g + nlp.A.T @ y + z == pytest.approx(np.zeros(nlp.n), abs=1e-6 * scale)
+    for multiplier, value, lower, upper in (
+        (z, x, nlp.x_lower, nlp.x_upper),
+        (y, r, *(nlp.row_lower, nlp.row_upper)),
+    ):
+        assert np.all((multiplier <= 1e-6 * scale) | (upper - value <= 1e-5))
+        assert np.all((multiplier >= -1e-6 * scale) | (value - lower <= 1e-5))
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_a_neighbouring_problem_takes_few_steps(seed):
     first = random_problem(seed, cubic=0.3)
@@ -62,7 +102,7 @@ def test_a_neighbouring_problem_takes_few_steps(seed):
     assert cold.success
     neighbour = random_problem(seed, cubic=0.3)
     neighbour.g = 1.01 * neighbour.g
-    start = Start(cold.x, cold.row_multipliers)
+    start = Start(cold.x, cold.row_multipliers, cold.bound_multipliers)
     warm = minimize(neighbour, Options(warm_start=True), start=start, new_kkt=DenseKKT)
     again = minimize(neighbour, new_kkt=DenseKKT)
     assert warm.success and again.success
@@ -73,7 +113,7 @@ def test_a_neighbouring_problem_takes_few_steps(seed):
 def test_the_solution_itself_takes_one_step():
     problem = random_problem(3)
     cold = minimize(problem, new_kkt=DenseKKT)
-    start = Start(cold.x, cold.row_multipliers)
+    start = Start(cold.x, cold.row_multipliers, cold.bound_multipliers)
     assert minimize(problem, Options(warm_start=True), start=start, new_kkt=DenseKKT).iterations == 1
 
 
@@ -81,7 +121,7 @@ def test_multipliers_from_elsewhere_do_no_harm():
     problem = random_problem(5, cubic=0.3)
     cold = minimize(problem, new_kkt=DenseKKT)
     rng = np.random.default_rng(0)
-    start = Start(problem.x0, 1e3 * rng.normal(size=problem.m))
+    start = Start(problem.x0, 1e3 * rng.normal(size=problem.m), 1e3 * rng.normal(size=problem.n))
     warm = minimize(problem, Options(warm_start=True), start=start, new_kkt=DenseKKT)
     assert warm.success
     assert warm.objective == pytest.approx(cold.objective, abs=1e-6)
@@ -103,7 +143,7 @@ def test_a_double_well_started_on_its_ridge_ends_in_a_minimum():
     warm = minimize(
         problem,
         Options(warm_start=True),
-        start=Start(np.zeros(2), np.zeros(0)),
+        start=Start(np.zeros(2), np.zeros(0), np.zeros(2)),
         new_kkt=DenseKKT,
     )
     assert warm.success

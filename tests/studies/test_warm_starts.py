@@ -102,7 +102,7 @@ def neighbours(solution):
 
 
 def counts_one_percent_away(spec, most):
-    """Iterations from the guess, and those of the solves with one constant each changed by a hundredth."""
+    """Iterations of the solves with one constant each changed by a hundredth."""
     solution = stc.load(spec).solve()
     assert solution.status == "optimal"
     counts = []
@@ -110,7 +110,7 @@ def counts_one_percent_away(spec, most):
         near = solution.resolve(constants={name: value}, time_limit=60)
         assert near.status == "optimal"
         counts.append(near.iterations)
-    return solution.iterations, counts
+    return counts
 
 
 def is_of_model(spec):
@@ -122,15 +122,14 @@ def is_of_model(spec):
 @pytest.mark.parametrize(
     "spec", [name for name in bundled_specs() if not (is_ground_motion(name) or is_of_model(name))]
 )
-def test_one_percent_away_takes_no_more_iterations_in_the_median_than_from_the_guess(spec):
-    cold, counts = counts_one_percent_away(spec, 8)
-    assert statistics.median(counts) <= cold
+def test_one_percent_away_is_three_iterations_in_the_median(spec):
+    assert statistics.median(counts_one_percent_away(spec, 8)) <= 3
 
 
 @pytest.mark.nightly
-def test_one_percent_away_takes_half_the_iterations_in_the_median_over_all_specs():
-    counts = [counts_one_percent_away(spec, 4) for spec in bundled_specs()]
-    assert statistics.median(statistics.median(near) / cold for cold, near in counts) <= 0.5
+def test_one_percent_away_is_three_iterations_in_the_median_over_all_specs():
+    medians = [statistics.median(counts_one_percent_away(spec, 4)) for spec in bundled_specs()]
+    assert statistics.median(medians) <= 3
 
 
 @pytest.mark.parametrize("method", ["trapezoidal", "hermite-simpson"])
@@ -183,8 +182,18 @@ def test_resampled_multipliers_are_near_those_of_the_finer_solution(spec, method
     model = coarse.origin
     problem, transcription = model.transcription(method, n=120)
     start = model._start(coarse, transcription, problem)
-    given, found = start.row_multipliers, fine.row_multipliers
-    assert np.linalg.norm(given - found) <= 0.12 * np.linalg.norm(found) + 1e-6
+    for given, found in (
+        (start.row_multipliers, fine.row_multipliers),
+        (start.bound_multipliers, fine.bound_multipliers),
+    ):
+        if np.abs(found).max(initial=0) < 1e-6:
+            continue
+        free = np.ones(len(found), bool)
+        if len(found) == len(fine.x):  # what holds a pinned unknown says nothing about a density
+            bound = transcription.bind(problem.constants, check=False)
+            free = bound.x_lower < bound.x_upper
+        size = np.linalg.norm(found[free])
+        assert np.linalg.norm(given[free] - found[free]) <= 0.12 * size + 1e-6
 
 
 def test_free_durations_and_jumps_carry_over():
@@ -192,6 +201,7 @@ def test_free_durations_and_jumps_carry_over():
     assert coarse.status == "optimal"
     fine = coarse.resolve(n=80, a=32)
     assert fine.status == "optimal"
+    assert fine.iterations <= 4
     assert fine.parameters["T2"] == pytest.approx(np.sqrt(2 * (1.4 - 1) / 9.81), rel=1e-3)
 
 

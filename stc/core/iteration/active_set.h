@@ -36,6 +36,9 @@ typedef API_STRUCT {
 
 /* The conditions as stated; multipliers of the bounds are chosen where they are not given.  See stc.solver.residuals. */
 API void conditions_state(primal_dual *p, int64_t given);
+/* The same where z is what makes the Lagrangian stationary for variables that are balanced (n); stationarity and
+ * complementarity are one. */
+API void conditions_balance(primal_dual *p, const double *balanced);
 /* The active set, and the error in projected form; 1 where it is none. */
 int64_t conditions_project(primal_dual *p);
 /* Matrix and right-hand side of the Newton step on the active set: variables go to their bounds, multipliers of rows
@@ -45,6 +48,8 @@ API void conditions_restrict(primal_dual *p);
  *
  * shift_x, shift_y: of variables and rows; firm: of variables at their bounds. */
 API void conditions_restricted_diagonals(primal_dual *p, double shift_x, double shift_y, double firm);
+/* What a step does: pull = -(gradient + H d + J^T y) and moved = J d; 0, or nan where it is not finite. */
+API double conditions_respond(const primal_dual *p, const double *d, const double *y, double *pull, double *moved);
 /* Right-hand side of another step on an active set that the point is on already. */
 void conditions_remain(primal_dual *p);
 /* The point after a Newton step on the active set, inside the bounds; 0 where it is not finite. */

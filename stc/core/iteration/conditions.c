@@ -81,6 +81,49 @@ void conditions_state(primal_dual *p, int64_t given) {
     p->multipliers = total;
 }
 
+/* grad f + J^T y. */
+static void gradient_of_lagrangian(primal_dual *p) {
+    const program *nlp = p->nlp;
+    const double *restrict jac = p->jac, *restrict y = p->y;
+    double *restrict out = p->lagrangian;
+    point_copy(nlp->n, p->gradient, out);
+    for (int64_t e = 0; e < nlp->jac_entries; e++) out[nlp->jac_cols[e]] += jac[e] * y[nlp->jac_rows[e]];
+}
+
+void conditions_balance(primal_dual *p, const double *restrict balanced) {
+    const program *nlp = p->nlp;
+    int64_t n = nlp->n, m = nlp->m;
+    const double *restrict x = p->x, *restrict y = p->y, *restrict r = p->r, *restrict lagrangian = p->lagrangian;
+    const double *restrict x_lower = nlp->x_lower, *restrict x_upper = nlp->x_upper;
+    const double *restrict row_lower = nlp->row_lower, *restrict row_upper = nlp->row_upper;
+    double *restrict z = p->z;
+    gradient_of_lagrangian(p);
+    double check = 0.0;
+    double total = 0.0;
+    double dual = 0.0;
+#pragma omp simd reduction(+ : check, total) reduction(highest : dual)
+    for (int64_t i = 0; i < n; i++) {
+        double slope = lagrangian[i];
+        check += slope * 0.0;
+        double multiplier = balanced[i] != 0.0 ? -slope : z[i];
+        z[i] = multiplier;
+        total += fabs(multiplier);
+        dual = nanmax(dual, fabs(slope + multiplier));
+        if (multiplier != 0.0) dual = nanmax(dual, product(multiplier, x[i], x_lower[i], x_upper[i]));
+    }
+    double violation = 0.0;
+#pragma omp simd reduction(+ : total, check) reduction(highest : dual, violation)
+    for (int64_t k = 0; k < m; k++) {
+        total += fabs(y[k]);
+        if (y[k] != 0.0) dual = nanmax(dual, product(y[k], r[k], row_lower[k], row_upper[k]));
+        violation = nanmax(violation, nanmax(row_lower[k] - r[k], r[k] - row_upper[k]));
+        check += r[k] * 0.0;
+    }
+    p->violation = violation;
+    p->stationarity = dual + check;
+    p->multipliers = total;
+}
+
 /* The largest violation and dual residual, and the sum of multipliers, of some conditions. */
 typedef struct {
     double primal, dual, total;
@@ -131,8 +174,7 @@ static parts project(int64_t count, bool gradient, const double *restrict value,
 int64_t conditions_project(primal_dual *p) {
     const program *nlp = p->nlp;
     int64_t n = nlp->n, m = nlp->m;
-    point_copy(n, p->gradient, p->lagrangian);
-    for (int64_t e = 0; e < nlp->jac_entries; e++) p->lagrangian[nlp->jac_cols[e]] += p->jac[e] * p->y[nlp->jac_rows[e]];
+    gradient_of_lagrangian(p);
     parts of_x = project(n, true, p->x, p->lagrangian, nlp->x_lower, nlp->x_upper, nlp->held, p->x_target, p->active_x);
     parts rows = project(m, false, p->r, p->y, nlp->row_lower, nlp->row_upper, nlp->equality, p->row_target, p->active_rows);
     double dual = dmax(of_x.dual, rows.dual);
@@ -199,6 +241,36 @@ void conditions_restricted_diagonals(primal_dual *p, double shift_x, double shif
         double active = nlp->equality[k] != 0.0 ? shift_y : nanmax(NOTHING, shift_y);
         dual[k] = p->active_rows[k] == 0.0 ? 1.0 / (NOTHING * NOTHING) : active;
     }
+}
+
+double conditions_respond(const primal_dual *p, const double *restrict d, const double *restrict y,
+                          double *restrict pull, double *restrict moved) {
+    const program *nlp = p->nlp;
+    const double *restrict jac = p->jac, *restrict hess = p->hess, *restrict gradient = p->gradient;
+    double check = 0.0;
+#pragma omp simd reduction(+ : check)
+    for (int64_t i = 0; i < nlp->n; i++) {
+        pull[i] = -gradient[i];
+        check += d[i] * 0.0;
+    }
+#pragma omp simd reduction(+ : check)
+    for (int64_t k = 0; k < nlp->m; k++) {
+        moved[k] = 0.0;
+        check += y[k] * 0.0;
+    }
+    for (int64_t e = 0; e < nlp->hess_entries; e++) {
+        int64_t i = nlp->hess_rows[e];
+        int64_t j = nlp->hess_cols[e];
+        pull[i] -= hess[e] * d[j];
+        if (i != j) pull[j] -= hess[e] * d[i];
+    }
+    for (int64_t e = 0; e < nlp->jac_entries; e++) {
+        int64_t k = nlp->jac_rows[e];
+        int64_t i = nlp->jac_cols[e];
+        pull[i] -= jac[e] * y[k];
+        moved[k] += jac[e] * d[i];
+    }
+    return check;
 }
 
 void conditions_remain(primal_dual *p) {
