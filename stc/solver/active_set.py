@@ -19,6 +19,7 @@ from functools import partial
 
 import numpy as np
 
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, REFINEMENTS
 from stc.solver.constants import ACCURATE, CONTRACTION, HALF
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
@@ -26,7 +27,7 @@ from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.products import NOTHING, ROUNDED, at_bounds, between
-from stc.solver.projection import AGAINST_DEPENDENT_ROWS, Projection, ProjectionPair
+from stc.solver.projection import Projection, ProjectionPair
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [
@@ -35,10 +36,6 @@ __all__ = [
 
 NEAR = 1e-2
 STEPS = 8
-CHANGES = 12
-"""How many active sets are tried for a point without multipliers, one after the other."""
-REFINEMENTS = 10
-"""Solutions are refined so many times at most."""
 PATIENCE = 2
 """From a neighbour: how many steps may fail to halve the error."""
 

@@ -1,14 +1,6 @@
 """Points with their optimality conditions as a projection equation, and Newton steps from one to the next.
 
 See :mod:`stc.solver.active_set` for the equation and what is done with it.
-
-In Newton's system active variables are held, and rows that are not active left out: both nearly, by large diagonals, as
-those of a barrier method are near its end; and active inequalities give way a little.  So the matrix is like others
-before it, and whatever has eliminated those eliminates it as well, which it would not if entries were missing.  The
-diagonals are so large that what is left out adds next to nothing even to curvature that is next to nothing itself; rows
-that give way leave a millionth of a step or so: the next one, or a correction with the same factorisation, has it from
-the true conditions.  (As penalties and shifts that refinements take out: J. Nocedal and S. J. Wright, Numerical
-Optimization, 2006, sections 17.1 and 16.3.)
 """
 
 from __future__ import annotations
@@ -17,45 +9,14 @@ import numpy as np
 
 from stc.core.calls import CallTable
 from stc.core.functions import function
-from stc.core.structures import Structure, structure
+from stc.core.structures import structure
+from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, factorize_restricted
 from stc.solver.constants import CALLS, DERIVATIVES, SOLVE, VALUES
-from stc.solver.kkt.contract import COARSE, FINE, KKTSystem, NotFinite
+from stc.solver.kkt.contract import COARSE, FINE
 from stc.solver.nlp import Floats
-from stc.solver.products import NOTHING
 from stc.solver.scaled_problem import ScaledProblem
 
-__all__ = ["AGAINST_DEPENDENT_ROWS", "Projection", "ProjectionPair", "factorize_restricted"]
-
-AGAINST_DEPENDENT_ROWS = 1
-"""The regularity with the one shift alone."""
-
-
-def factorize_restricted(point: Structure, kkt: KKTSystem, regularity: int = 0) -> tuple[int, bool]:
-    """Factorise the H and J in the arrays of a KKT system for the active set of a point, regularised as it takes.
-
-    Args:
-        point: ``primal_dual`` in ``active_set.h``.
-        kkt: the system that its matrix is in.
-        regularity: what to begin with: 0 no shift; 1 one against dependent rows; 2 one of the Hessian, too.
-
-    Returns:
-        The regularity reached, and whether the curvature on the active set is positive with it.
-    """
-    size = max(1.0, float(point.largest_curvature))
-    shifts = ((0.0, 0.0), (0.0, NOTHING), (NOTHING * size, NOTHING))
-    m = kkt.dual.size
-    while True:
-        function("conditions_restricted_diagonals")(point, *shifts[regularity], size / NOTHING**2)
-        try:
-            inertia = kkt.refactor()
-        except NotFinite:
-            return regularity, False
-        if inertia.zero == 0 and inertia.negative == m:
-            return regularity, True
-        if regularity == len(shifts) - 1:
-            return regularity, False
-        # What is subtracted from the diagonal of the rows makes no eigenvalue positive.
-        regularity = len(shifts) - 1 if inertia.negative > m else regularity + 1
+__all__ = ["Projection", "ProjectionPair"]
 
 
 class Projection:
@@ -92,6 +53,7 @@ class Projection:
         self._kkt = form.attached_kkt
         self._evaluate = function("active_set_evaluate").bind(self.s)
         self._restrict = function("conditions_restrict").bind(self.s)
+        self._diagonals = function("conditions_restricted_diagonals").bind(self.s, 0.0, 0.0, 0.0)
         self._find_violation = form.violation_call(self.x, self.r, self.s.array_of("violation"))
 
     @property
@@ -119,7 +81,13 @@ class Projection:
     def factorize(self, regularity: int = 0) -> tuple[int, bool]:
         """Factorise for the Newton step on the active set; see ``factorize_restricted``."""
         self._restrict()
-        return factorize_restricted(self.s, self._kkt, regularity)
+        return factorize_restricted(
+            self._write_diagonals, float(self.s.largest_curvature), self._kkt, regularity
+        )
+
+    def _write_diagonals(self, *values: float) -> None:
+        self._diagonals.floats[1:4] = list(values)
+        self._diagonals()
 
 
 class ProjectionPair:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -10,9 +11,10 @@ from scaled_program import dense, scaled
 
 from stc.core.functions import function
 from stc.core.structures import structure
+from stc.solver.active_set_system import factorize_restricted
 from stc.solver.kkt.contract import Inertia
 from stc.solver.products import NOTHING
-from stc.solver.projection import Projection, factorize_restricted
+from stc.solver.projection import Projection
 
 diagonals = function("conditions_restricted_diagonals")
 
@@ -71,9 +73,9 @@ class _Dense:
         self.point = structure("primal_dual")(
             nlp=structure("program")(n=n, m=m, held=np.zeros(n), equality=np.ones(m)),
             kkt=structure("linear_system")(primal=self.primal, dual=self.dual), active_x=np.zeros(n),
-            active_rows=np.ones(m), largest_curvature=float(np.abs(self.hess).max()),
+            active_rows=np.ones(m),
         )  # fmt: skip
-        self.tried = 0
+        self.tried, self.largest = 0, float(np.abs(self.hess).max())
 
     def refactor(self) -> Inertia:
         self.tried += 1
@@ -98,7 +100,7 @@ def test_shifts_that_cannot_help_are_not_tried(
     hess: list[list[float]], jac: list[list[float]], reached: int, positive: bool, tried: int
 ) -> None:
     given = _Dense(hess, jac)
-    assert factorize_restricted(given.point, cast(Any, given)) == (
+    assert factorize_restricted(partial(diagonals, given.point), given.largest, cast(Any, given)) == (
         reached,
         positive,
     )
