@@ -63,12 +63,12 @@ def check(text: str, **constants: float) -> EquationReport:
     return check_equations(load(text, **constants).problem(), states=60)
 
 
-@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", MODELLED)
-def test_bundled_specs_state_their_models_equations(name: str) -> None:
-    report = check_equations(load(name).problem(), states=100)
+@pytest.mark.parametrize("states", [100, pytest.param(1000, marks=pytest.mark.nightly)])
+def test_bundled_specs_state_their_models_equations(name: str, states: int) -> None:
+    report = check_equations(load(name).problem(), states=states)
     assert report.passed, report.findings
-    assert report.states == 100
+    assert report.states == states
     assert max(metric.value for metric in report.metrics) < 1e-13
 
 
