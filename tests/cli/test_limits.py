@@ -132,7 +132,7 @@ def until_stuck(running: subprocess.Popen[str]) -> None:
 
 
 class TestTimeLimits:
-    @pytest.mark.daily_every(2)
+    @pytest.mark.daily_every(4)
     @pytest.mark.parametrize(
         ("spec", "n", "optimizer"),
         [

@@ -25,6 +25,7 @@ sys.exit(run(sys.argv[2:]))
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(("command", "as_json"), [("validate", False), ("run", True)])
 def test_what_was_found_is_shown_where_the_report_cannot_be_written(
     command: str, as_json: bool, tmp_path: Path

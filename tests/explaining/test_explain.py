@@ -126,6 +126,7 @@ def test_a_search_without_time_says_so_and_follows_the_recording(swing: Solution
     assert distance(found, swing, names) < 1e-3
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_stationarity_alone_finds_the_weights_of_a_motion_without_noise(
     swing: Solution, tmp_path: Path

@@ -84,6 +84,7 @@ def test_the_command_reports_the_envelope(
     assert "--robustness cannot be combined with" in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_a_motion_that_nothing_holds_is_told_of(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
