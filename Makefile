@@ -17,6 +17,9 @@ RECIPE := pyproject.toml setup.py build_backend/backend.py $(wildcard stc/core/*
 # may wait for ever for one that is: what it had left to do is not run, and the run fails.  Slow files come first.
 PYTEST := $(BIN)/python -m pytest -q -n auto --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 
+# With this variable every process would compile all modules that it imports: half of the time of a short command.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test check nightly format bench docs gallery dist check-dist tree clean
 
 run: $(VENV)/.ready

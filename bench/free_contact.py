@@ -38,6 +38,7 @@ PAGE = DOCS / "complementarity.md"
 FINER = {"lamp_free": 5}
 USUAL = 2
 WAVES, SIZE = 3, 0.1
+VALID = "valid"
 MOST = 1500
 HEAD = """
 | page | frames | unknowns | from the guess | CPU s | solved | within 150 | median | most | scheduled | valid |
@@ -54,8 +55,8 @@ def waves(rng: np.random.Generator, frames: int) -> np.ndarray:
     return found
 
 
-def scheduled(path: Path, rough: Solution, judged: bool) -> tuple[int, bool, bool]:
-    """Iterations with the schedule that was found, whether that is solved, and whether it is ``judged`` valid."""
+def scheduled(path: Path, rough: Solution, judged: bool) -> tuple[int, bool, str]:
+    """Iterations with the schedule that was found, whether that is solved, and the verdict if it is ``judged``."""
     with tempfile.TemporaryDirectory() as folder:
         for model in path.parent.glob("*.xml"):
             shutil.copy(model, folder)
@@ -63,10 +64,18 @@ def scheduled(path: Path, rough: Solution, judged: bool) -> tuple[int, bool, boo
             write_schedule(rough, Path(folder) / "scheduled.stc")
             n = FINER.get(path.stem, USUAL) * rough.n
             solution = stc.load(Path(folder) / "scheduled.stc").solve(n=n, max_iterations=MOST)
-        except StcError:
-            return 0, False, False
+        except StcError as error:
+            return 0, False, f"no schedule: {error}"
         solved = solution.status == "optimal"
-        return solution.iterations, solved, solved and judged and validate(solution).passed
+        if not (solved and judged):
+            return solution.iterations, solved, "not judged" if solved else solution.status
+        report = validate(solution)
+        worst = [metric for metric in report.metrics if metric.verdict == "fail"]
+        told = [
+            *report.findings,
+            *(f"{one.name}, {one.subject}: {one.value:.3g}, not {one.limit:.3g}" for one in worst),
+        ]
+        return solution.iterations, solved, VALID if report.passed else "; ".join(told)
 
 
 def measured(path: Path, starts: int, judged: int) -> str:
@@ -84,12 +93,13 @@ def measured(path: Path, starts: int, judged: int) -> str:
         times.append(time.process_time() - begin)
         spent.append(rough.iterations)
         found = rough.status == "optimal"
-        iterations, done, good = scheduled(path, rough, seed < judged) if found else (0, False, False)
-        solved, finished, valid = solved + found, finished + done, valid + good
+        iterations, done, verdict = (
+            scheduled(path, rough, seed < judged) if found else (0, False, "not solved")
+        )
+        solved, finished, valid = solved + found, finished + done, valid + (verdict == VALID)
         quickly += found and rough.iterations <= 150
-        told = "not judged" if seed >= judged else "valid" if good else "not valid"
         print(
-            f"  {path.stem} {seed}: {rough.status}, {rough.iterations}, {iterations}, {done}, {told}",
+            f"  {path.stem} {seed}: {rough.status}, {rough.iterations}, {iterations}, {done}, {verdict}",
             flush=True,
         )
     return (

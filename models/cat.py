@@ -27,8 +27,10 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
     return element(
         "body",
         hinge(name, axis=(0.0, 1.0, 0.0), range=(-1.8, 1.8)),
-        part("capsule", "fur", 0.18, fromto=(0.0, 0.0, -0.01, 0.0, 0.0, -0.13), size=(0.016,)),
-        part("sphere", "cream", 0.04, pos=(0.006, 0.0, -0.15), size=(0.020,)),
+        part("capsule", "fur", 0.18, fromto=(0.0, 0.0, -0.01, 0.0, 0.0, -0.13), size=(0.016,), name=name),
+        part(
+            "sphere", "cream", 0.04, pos=(0.006, 0.0, -0.15), size=(0.020,), name=name.replace("leg", "paw")
+        ),
         name=name,
         pos=(ahead, 0.045 * aside, -0.03),
     )
@@ -49,7 +51,7 @@ def _cat() -> Element:
         hinge("sway", axis=(0.0, 0.0, 1.0), range=(-1.6, 1.6)),
         hinge("bend", axis=(0.0, 1.0, 0.0), range=(-1.6, 1.6)),
         hinge("twist", axis=(1.0, 0.0, 0.0), range=(-1.0, 1.0)),
-        part("capsule", "fur", 1.35, fromto=(-0.02, 0.0, 0.0, -0.13, 0.0, 0.0), size=(0.058,)),
+        part("capsule", "fur", 1.35, fromto=(-0.02, 0.0, 0.0, -0.13, 0.0, 0.0), size=(0.058,), name="loins"),
         drawn("cylinder", "stripe", pos=(-0.05, 0.0, 0.0), size=(0.0587, 0.010), euler=(0.0, 1.5707963, 0.0)),
         drawn("cylinder", "stripe", pos=(-0.10, 0.0, 0.0), size=(0.0587, 0.010), euler=(0.0, 1.5707963, 0.0)),
         _leg("leg_rear_left", -0.13, 1.0),
@@ -61,7 +63,7 @@ def _cat() -> Element:
     return element(
         "body",
         element("freejoint", name="root"),
-        part("capsule", "fur", 1.25, fromto=(0.10, 0.0, 0.0, 0.02, 0.0, 0.0), size=(0.060,)),
+        part("capsule", "fur", 1.25, fromto=(0.10, 0.0, 0.0, 0.02, 0.0, 0.0), size=(0.060,), name="chest"),
         part("sphere", "fur", 0.45, pos=(0.20, 0.0, 0.055), size=(0.050,)),
         drawn("cylinder", "stripe", pos=(0.06, 0.0, 0.0), size=(0.0607, 0.010), euler=(0.0, 1.5707963, 0.0)),
         drawn("ellipsoid", "cream", pos=(0.235, 0.0, 0.040), size=(0.026, 0.026, 0.020)),

@@ -146,15 +146,15 @@ def _joints() -> list[str]:
 
 
 def _stand(knee: float) -> Element:
-    """Both legs bent by a knee's angle, the soles level below the hips, elbows a little bent."""
+    """Both legs bent by a knee's angle, the soles level below the hips, elbows a little bent and off the hips."""
     half = 0.5 * knee
     height = 0.03 + (THIGH + SHIN) * cos(half) + ANKLE
-    arm = (0.1, 0.0, -0.4)
+    left, right = (0.1, 0.15, -0.4), (0.1, -0.15, -0.4)
     leg = (0.0, 0.0, -half, knee, -half, 0.0)
     return element(
         "key",
         name="stand",
-        qpos=(0.0, 0.0, height, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *arm, *arm, *leg, *leg),
+        qpos=(0.0, 0.0, height, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *left, *right, *leg, *leg),
     )
 
 

@@ -48,6 +48,7 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
         hinge(f"{name}_knee", axis=(0.0, 1.0, 0.0), range=(-2.7, -0.8)),
         element(
             "geom",
+            name=f"{name}_calf",
             class_="part",
             type="capsule",
             material="frame",
@@ -74,6 +75,7 @@ def _leg(name: str, ahead: float, aside: float) -> Element:
         hinge(f"{name}_hip", axis=(0.0, 1.0, 0.0), range=(-1.5, 3.0)),
         element(
             "geom",
+            name=f"{name}_thigh",
             class_="part",
             type="capsule",
             material="shell",

@@ -219,7 +219,7 @@ class ColdSolve:
     _followed: BoundProgram | None = None
 
     def run(self) -> Result:
-        """Solve; the same again when called again."""
+        """Solve the problem; each call begins anew and has the same result."""
         # What is quadratic takes few steps anyway, and contacts that come and go want all frames.
         if self.transcription.is_quadratic or self.problem.relaxation:
             return self._fine(self.options, None, self.callback)
@@ -292,7 +292,7 @@ class ColdSolve:
         )
 
     def _fine(self, options: Options, start: Start | None, told: Callback | None) -> Result:
-        """All frames."""
+        """Solve with all frames of the motion."""
         bound = None if start is None else self._followed
         numbers, minimizer = self.problem.constants, self.minimizer
         return solve(self.transcription, numbers, options, start, told, minimizer=minimizer, bound=bound)[1]

@@ -65,8 +65,19 @@ def _lacking(need: str) -> str:
     return {"opengl": _without_opengl, "terminal": _without_terminal}[need]()
 
 
+@pytest.hookimpl(tryfirst=True)  # before those with marks that are not asked for are left out
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The files with most slow tests come first, so that no processor is left with one of them at the end."""
+    """Of the cases of some tests only every n-th is run daily.
+
+    The files with most slow tests come first, so that no processor is left with one of them at the end.
+    """
+    cases: Counter[str] = Counter()
+    for item in items:
+        if mark := item.get_closest_marker("daily_every"):
+            test = item.nodeid.partition("[")[0]
+            if cases[test] % mark.args[0]:
+                item.add_marker(pytest.mark.nightly)
+            cases[test] += 1
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: -slow[item.path])  # stable
 

@@ -110,6 +110,18 @@ FILES: dict[str, dict[str, str]] = {
   <equality><weld body1="rod" body2="rocker" torquescale=".5"/><connect body1="crank" anchor="0 0 0" active="false"/>
   </equality><actuator><motor joint="c" gear="5"/></actuator></mujoco>"""
     },
+    "in a medium": {
+        "model.xml": """<mujoco><option density="1000" viscosity=".9" wind=".3 -.2 .1"/>
+  <default><geom type="ellipsoid" fluidshape="ellipsoid"/></default><worldbody>
+  <body name="fish" pos="0 0 1"><freejoint/><geom size=".1 .03 .05" quat="1 .2 0 .3"/><geom size=".02 .03 .01"
+  mass="0" pos=".1 0 .02" fluidcoef=".3 .1 1 .7 .2"/>
+    <body pos="-.1 0 0"><joint axis="0 .1 1" stiffness=".1"/><geom size=".06 .005 .04" pos="-.06 0 0"/>
+      <body pos="-.1 0 .01"><joint type="ball" damping=".01"/><geom type="capsule" size=".01 .03" euler="0 40 9"/>
+      </body></body>
+    <body pos="0 .03 0"><joint axis="1 0 0"/><geom type="box" size=".02 .04 .005" pos="0 .04 0" fluidshape="none"/>
+      <geom type="cylinder" fluidshape="none" size=".01 .02" pos=".02 .1 0"/></body></body>
+  <body pos="0 0 3" gravcomp=".9"><joint type="slide"/><geom type="sphere" size=".1"/></body></worldbody></mujoco>"""
+    },
     "slider and crank": {
         "model.xml": """<mujoco><option integrator="RK4"/><worldbody><body name="wheel"><joint name="spin" axis="0 1
   0"/>

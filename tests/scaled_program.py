@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from solver.kkt.dense import DenseKKT
 from symbolic_program import INF, SymbolicProgram
 
 from stc.solver import Options
 from stc.solver.iterate import Iterate
-from stc.solver.kkt import DenseKKT
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import cold_iterate
 from stc.symbolic.expr import call
@@ -40,7 +40,10 @@ def evaluate(form: ScaledProblem, w: np.ndarray, y: np.ndarray, z: np.ndarray) -
     f, r = form.values(w[: form.n])
     c = form.residual(r, w)
     gradient, jac, hess = form.derivatives(w[: form.n], y)
-    dual = np.concatenate([gradient + form.transpose_times(jac, y), -y]) * form.moving
+    dual = (
+        np.concatenate([gradient + np.bincount(form.jac_cols, jac * y[form.jac_rows], form.n), -y])
+        * form.moving
+    )
     return Iterate(w, y, z, f, r, form.gap(w), c, float(np.abs(c).sum()), gradient, jac, hess, dual)
 
 

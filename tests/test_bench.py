@@ -96,12 +96,12 @@ def test_a_tool_without_an_answer_is_a_row(
     found = runner.solve_only([case], [contender("Sleipnir")], 3, said.append)
     assert len(said) == 1  # it is not asked again
     table = report.everyone(found)
-    assert "| Sleipnir |" in table and "no answer in 0.01 min" in table
+    assert "| Sleipnir |" in table and "no answer in 0.6 s" in table
     ours = runner.Measured("stc", case, [0.002], [0.002], 10, 59.0, True)
     assert (
         report.overview([ours, *found])
         .splitlines()[2]
-        .startswith("| P2 | 50 | 2 | 10 | no answer in 0.01 min |")
+        .startswith("| P2 | 50 | 2 | 10 | no answer in 0.6 s |")
     )
     assert {case.time_limit for case in runner.CASES if case.problem in ("P7", "P8")} == {900.0}
 

@@ -47,24 +47,33 @@ def test_whole_specs_solve(spec: str, tmp_path: Path, monkeypatch: pytest.Monkey
     assert not model.warnings
 
 
-def commands(page: str, renders: bool) -> list[list[str]]:
-    """The command lines of a page that render pictures, or the others; without those that serve until Ctrl-C."""
+def commands(page: str, kind: str) -> list[list[str]]:
+    """The command lines of a page of a kind: those that render, those that replay often or film, or the others.
+
+    Those that serve until Ctrl-C are left out.
+    """
     lines = re.findall(r"^    stc (?!steer )(.*?)(?:  +#.*)?$", (ROOT / page).read_text(), re.MULTILINE)
-    found = [words for line in lines if ((words := line.split())[0] == "render") is renders]
-    assert len(found) >= 1
+
+    def kind_of(words: list[str]) -> str:
+        if {"sweep", "--robustness", "--report"}.intersection(words):
+            return "long"
+        return "render" if words[0] == "render" else "other"
+
+    found = [line.split() for line in lines if kind_of(line.split()) == kind]
+    assert found
     return found
 
 
-with_and_without_pictures = pytest.mark.parametrize(
-    "renders", [False, pytest.param(True, marks=pytest.mark.needs("opengl"))], ids=["other", "render"]
-)
+RENDER = pytest.param("render", marks=pytest.mark.needs("opengl"))
 
 
-@with_and_without_pictures
-def test_commands_of_the_readme_work(renders: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("kind", ["other", RENDER, pytest.param("long", marks=pytest.mark.nightly)])
+def test_commands_of_the_readme_work(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(["new", "myspec"]) == 0
-    for words in commands("README.md", renders):
+    if kind == "long":
+        assert run(["solve", "particle_waypoints"]) == 0
+    for words in commands("README.md", kind):
         assert run(words) == 0, words
 
 
@@ -140,6 +149,7 @@ def test_the_steering_from_python_works() -> None:
     assert names["session"].text() == names["read_source"]("luxo_poses").text  # type: ignore
 
 
+@pytest.mark.nightly
 def test_the_sweep_from_python_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
@@ -205,9 +215,9 @@ def test_the_gallery_shows_every_motion_or_says_that_it_is_missing() -> None:
     assert len(re.findall(r"^\*\*(passed|failed)\*\*: ", text, re.MULTILINE)) == len(shown)
 
 
-@with_and_without_pictures
+@pytest.mark.parametrize("kind", ["other", RENDER])
 def test_the_model_of_ones_own_is_what_its_spec_says(
-    renders: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (model,) = blocks("docs/own_model.md", "xml")
@@ -217,7 +227,7 @@ def test_the_model_of_ones_own_is_what_its_spec_says(
     (shortest,) = blocks("docs/own_model.md", "text")
     (tmp_path / "up.stc").write_text(shortest)
     assert run(["run", "up.stc"]) == 0
-    for words in commands("docs/own_model.md", renders):
+    for words in commands("docs/own_model.md", kind):
         assert run(words) == 0, words
 
 

@@ -104,6 +104,7 @@ def require_named(path: Path, count: int | None, seed: int) -> None:
     assert silent == []
 
 
+@pytest.mark.daily_every(2)
 def test_what_is_altered_is_named(motion: Path) -> None:
     require_named(motion, 8, seed=1)
 
@@ -114,6 +115,7 @@ def test_whatever_is_altered_is_named(motion: Path, seed: int) -> None:
     require_named(motion, None, seed)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
 def test_facts_of_another_kind_are_refused_in_a_sentence(tmp_path: Path, suffix: str) -> None:
     """Whatever stands where something else is expected: no traceback, and nothing that passes for it."""

@@ -42,6 +42,7 @@ SAME_MOTION = {
 }
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("dynamics", SAME_MOTION.values(), ids=SAME_MOTION)
 def test_what_else_is_stated_does_not_move_the_frames_of_motion(dynamics: str) -> None:
     solution = stc.load(HEAD + dynamics + ENDS + COST + REPLAY).solve()

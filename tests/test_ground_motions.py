@@ -182,6 +182,7 @@ def test_in_flight_momentum_changes_by_weight_alone(jump: Solution) -> None:
     assert np.abs(np.polyval(parabola, time) - flight).max() <= 1e-5  # the error of the transcription
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", ["segment_to_pose", "segment_flip", "segment_swing"])
 def test_the_segment_goes_where_it_should(name: str, tmp_path: Path) -> None:
     solved(name).save(tmp_path / "segment.npz")

@@ -474,6 +474,7 @@ objective: [0]: 50*T; [0, n]: integral(0.029*(f1^2 + f2^2));
 """
 
 
+@pytest.mark.nightly
 def test_flights_that_their_guess_leads_nowhere_are_found_from_fewer_frames() -> None:
     """Hardly one is found without; with help some are, and which ones hangs on rounding."""
     weights = [0.029 * (1.0 + 0.003 * k) for k in range(-3, 4)]

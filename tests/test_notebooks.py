@@ -82,8 +82,8 @@ def test_a_report_shows_its_verdict_and_every_measurement() -> None:
     assert all(metric.name in page.text and metric.subject in page.text for metric in report.metrics)
 
 
-@pytest.mark.needs("opengl")
-def test_a_certificate_shows_its_page() -> None:
+def test_a_certificate_shows_its_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "off")  # without the film
     (frame,) = shown(certify("particle_waypoints")).frames
     assert frame.startswith("<!doctype html>") and "particle_waypoints: passed" in frame
 
@@ -131,6 +131,7 @@ def test_a_library_that_is_missing_is_named(
         solution.to_dataframe() if library == "pandas" else solution.to_xarray()
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_the_notebooks_of_the_documentation_run(

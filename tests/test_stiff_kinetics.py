@@ -21,6 +21,7 @@ constraints:
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("n", [300, 1200])
 def test_the_rate_is_found(n: int) -> None:
     """The steps at the end are those of q, whatever n: the error of the rate is that of theirs."""

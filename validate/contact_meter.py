@@ -140,7 +140,7 @@ class ContactMeter:
             body: np.append(np.isin(model.geom_bodyid, list(welded(model, body))), False).astype(float)
             for body in self.columns
         }
-        self._bodies = list(self._own)
+        self._bodies = np.array(list(self._own), dtype=np.intp)
         self._grips = grips(setup)
         self._impulses = {body: np.zeros((setup.solution.n, 6)) for body in self.columns}
         #: What has been added and not yet integrated: the frame step, the time in s, and the contacts.
@@ -159,8 +159,9 @@ class ContactMeter:
             self._added.append((frame, seconds, self._contacts(model, data)))
             if len(self._added) == _TOGETHER:
                 self._integrate()
-        for body, wrench in self._of_grips(model, data):
-            self._impulses[body][frame] += seconds * wrench
+        if self._grips:
+            for body, wrench in self._of_grips(model, data):
+                self._impulses[body][frame] += seconds * wrench
 
     def wrenches(self, model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, FloatArray]:
         """Per body (6,) force and torque about its origin, along the world's axes, of all its contacts and grips."""

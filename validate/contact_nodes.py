@@ -39,8 +39,8 @@ class Node:
         position: (nq,) position in the replay, for the joints that are not tied.
         velocity: (nv,) likewise.
         forces: (k,) the values of the contact lines.
-        lasting: (k,) the same, but in a step that ends in a jump of one of them their means over the step: a law of
-            friction that is stated up to a frame holds on the left of it, and at the midpoint before it, in the mean.
+        lasting: (k,) the same, but their averages over the step if one of them jumps at its end: a law of friction that
+            is stated up to a frame holds on the left of it, and at the midpoint before it, on average.
     """
 
     part: str
@@ -53,7 +53,7 @@ class Node:
 
     @property
     def ends_in_a_jump(self) -> bool:
-        """Whether the step ends in a jump, so that means are used."""
+        """Whether a contact force jumps at the end of the step, so that ``lasting`` holds averages."""
         return self.lasting is not self.forces
 
 
@@ -64,7 +64,7 @@ class NodeForces:
     Attributes:
         time: (m,) seconds.
         force: (m, 3) zero along axes that no line speaks of, in N.
-        lasting: (m, 3) the same, its means over steps that end in a jump of it.
+        lasting: (m, 3) the same, averaged over steps at whose end it jumps.
         friction: (m,) the largest sliding friction of its contacts; NaN without a contact.
         normal: (m, 3) the direction in which these press on the body; NaN where there are none or several.
     """

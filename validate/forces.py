@@ -110,6 +110,9 @@ class Attachments:
             self.places.append(place)
             self.parts.append(part)
             self.dofs.append(_dof(model, written, path[1:]) if on_joint else -1)
+        #: The places, each once, and where among them each line's is.
+        self._different = list(dict.fromkeys(place for place in self.places if place is not None))
+        self._where = [None if place is None else self._different.index(place) for place in self.places]
 
     def __len__(self) -> int:
         return len(self.names)
@@ -129,27 +132,29 @@ class Attachments:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         data.qfrc_applied[:] = 0.0
+        applied = data.qfrc_applied
+        applied[:] = 0.0
         for dof, value in zip(self.dofs, values):
             if dof >= 0:
-                data.qfrc_applied[dof] += value
-        total = np.zeros(model.nv)
-        for place, wrench in self.wrenches(values).items():
+                applied[dof] += value
+        total = np.zeros(len(applied))
+        for place, wrench in self.wrenches(values):
             mujoco.mj_applyFT(
                 model, data, wrench[:3], wrench[3:], place.point(model, data), place.body, total
             )
-        data.qfrc_applied[:] += total
+        applied += total
 
-    def wrenches(self, values: FloatArray) -> dict[Place, FloatArray]:
+    def wrenches(self, values: FloatArray) -> list[tuple[Place, FloatArray]]:
         """The force in N and torque in N m of each place, (6,) along the world's axes.
 
         Args:
             values: (k,) the forces; generalised ones on joints are left out.
         """
-        found: dict[Place, FloatArray] = {}
-        for place, part, value in zip(self.places, self.parts, values):
-            if place is not None:
-                found.setdefault(place, np.zeros(6))[part] += value
-        return found
+        wrenches = np.zeros((len(self._different), 6))
+        for where, part, value in zip(self._where, self.parts, values):
+            if where is not None:
+                wrenches[where, part] += value
+        return list(zip(self._different, wrenches))
 
 
 class OuterForces(Signals):

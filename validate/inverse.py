@@ -7,16 +7,13 @@ acts.
 
 - Contacts are switched off, and the solved contact forces act in their place.
 - The force that an equality of the model (a closed loop, a gear) can give along the directions it blocks is not part
-of the
-  residual: MuJoCo's own inverse has springs there, which say nothing about the force that holds a loop exactly.
+  of the residual: MuJoCo's own inverse has springs there, which say nothing about the force that holds a loop exactly.
 - Dry friction of a joint is Coulomb's: its full force against the motion, and at rest any force up to that.  MuJoCo's
-own
-  rises with the speed, so that its inverse differs wherever a joint is about to stop.
+  own rises with the speed, so that its inverse differs wherever a joint is about to stop.
 - A joint limit gives no force: MuJoCo's is a soft spring, which acts on a motion that just touches the limit.  The
-force of an
-  end stop is stated by an ``apply`` or ``contact`` line on the joint.
+  force of an end stop is stated by an ``apply`` or ``contact`` line on the joint.
 - Joints that the spec does not tie move as in :mod:`stc.validate.untied`; the result includes the effect on the forces
-on the tied ones.
+  on the tied ones.
 """
 
 from __future__ import annotations

@@ -148,6 +148,11 @@ def replay(
     return simulation.run(time_step, watcher)
 
 
+#: Of the classical Runge-Kutta method: the share of the step at which a stage is, its weight, and the instant of the
+#: step, of start, middle and end, whose controls it takes.
+_STAGES = ((0.0, 1 / 6, 0), (0.5, 1 / 3, 1), (0.5, 1 / 3, 1), (1.0, 1 / 6, 2))
+
+
 class _Simulation:
     """One replay in progress."""
 
@@ -168,7 +173,10 @@ class _Simulation:
         self.what = "replay with feedback" if feedback else "replay, contact forces" if external else "replay"
         self.restarts = set(setup.solution.frames_that_jump()) if external else set()
         self.forces: OuterForces = setup.all_forces if external else setup.applied
-        self.data = mujoco.MjData(model)
+        self.data = data = mujoco.MjData(model)
+        # MuJoCo's own memory, looked up once: to ask for it takes as long as an operation on it.
+        self.arrays = data.qpos, data.qvel, data.qacc, data.ctrl, data.act, data.act_dot
+        self.time_step = 0.0
         self.grips = [] if external else grips(setup)
         self.turning = turning_dofs(model)
         self.advance = self._runge_kutta if integrator == "rk4" else self._mujoco_step
@@ -205,8 +213,8 @@ class _Simulation:
             if frame in self.restarts:
                 setup.put(data, "after", frame)
             parts = max(limits.SUBSTEPS, math.ceil(duration / time_step - 1e-9))
-            model.opt.timestep = duration / parts
-            result.time_step = max(result.time_step, model.opt.timestep)
+            self.time_step = h = model.opt.timestep = float(duration) / parts
+            result.time_step = max(result.time_step, h)
             shares = np.arange(2 * parts + 1) / (2 * parts)
             controls = setup.controls.in_step(frame, shares)
             forces = self.forces.in_step(frame, shares)
@@ -217,11 +225,11 @@ class _Simulation:
                 if law is not None:
                     correction = law.correction(part, data.qpos, data.qvel)
                     control = control + correction
-                    result.corrections[frame] += model.opt.timestep * correction
-                    result.feedback += model.opt.timestep * np.abs(correction)
-                    result.total += model.opt.timestep * np.abs(control[1])
+                    result.corrections[frame] += h * correction
+                    result.feedback += h * np.abs(correction)
+                    result.total += h * np.abs(control[1])
                 self.advance(control, forces[now])
-                times.append(float(solution.time[frame]) + (part + 1) * model.opt.timestep)
+                times.append(float(solution.time[frame]) + (part + 1) * h)
                 path.append(data.qpos.copy())
                 if watcher is not None and watcher(data):
                     stopped = True
@@ -257,36 +265,40 @@ class _Simulation:
         from mujoco import mj_forward, mj_integratePos
 
         model, data, addresses = self.model, self.data, self.setup.controls.addresses
-        h = model.opt.timestep
-        start, qpos, qvel, act = data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
-        velocity, acceleration, activation = np.zeros(model.nv), np.zeros(model.nv), np.zeros(model.na)
-        rate, way = qvel, np.zeros(model.nv)
-        for stage, (share, weight) in enumerate(((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))):
+        qpos, qvel, qacc, ctrl, act, act_dot = self.arrays
+        h = self.time_step
+        start, pose, speed, activation = data.time, qpos.copy(), qvel.copy(), act.copy()
+        velocity, acceleration, activity = np.zeros(len(qvel)), np.zeros(len(qvel)), np.zeros(len(act))
+        rate = speed
+        for stage, (share, weight, instant) in enumerate(_STAGES):
             if stage:
                 ahead = share * h
-                change, act_rate = data.qacc.copy(), data.act_dot.copy()
+                way = ahead * rate
                 data.time = start + ahead
-                data.qpos[:], way = qpos, ahead * rate
-                mj_integratePos(model, data.qpos, way, 1.0)
-                data.qvel[:] = qvel + ahead * change
-                data.act[:] = act + ahead * act_rate
-            data.ctrl[addresses] = controls[int(2 * share)]
-            self.forces.apply(model, data, forces[int(2 * share)])
+                qpos[:] = pose
+                mj_integratePos(model, qpos, way, 1.0)
+                qvel[:] = speed + ahead * qacc
+                if len(act):
+                    act[:] = activation + ahead * act_dot
+            ctrl[addresses] = controls[instant]
+            self.forces.apply(model, data, forces[instant])
             mj_forward(model, data)
             if self.meter is not None:
                 self.meter.add(self.frame, model, data, weight * h)
-            if not stage:
-                data.qacc_warmstart[:] = data.qacc
             if stage:
-                rate = rate_of_way(way, data.qvel.copy(), self.turning)
+                rate = rate_of_way(way, qvel.copy(), self.turning)
+            else:
+                data.qacc_warmstart[:] = qacc
             velocity += weight * rate
-            acceleration += weight * data.qacc
-            activation += weight * data.act_dot
+            acceleration += weight * qacc
+            if len(act):
+                activity += weight * act_dot
         data.time = start + h
-        data.qpos[:] = qpos
-        mj_integratePos(model, data.qpos, velocity, h)
-        data.qvel[:] = qvel + h * acceleration
-        data.act[:] = act + h * activation
+        qpos[:] = pose
+        mj_integratePos(model, qpos, velocity, h)
+        qvel[:] = speed + h * acceleration
+        if len(act):
+            act[:] = activation + h * activity
 
     def _mujoco_step(self, controls: FloatArray, forces: FloatArray) -> None:
         """One of MuJoCo's own steps, the control and forces of the step's middle held."""

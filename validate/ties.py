@@ -139,7 +139,7 @@ class Coordinate(Tie):
         self.sources = [(orders, 0)], [(orders, 1)], [(orders, 2)] if 2 in orders else []
 
     def gap(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """The end less the start."""
+        """The difference of the two positions, signed."""
         return np.asarray(end[..., 0] - start[..., 0])
 
     def shown(self, positions: FloatArray) -> FloatArray:

@@ -241,7 +241,7 @@ def _failure(case: Case, ended: Ended) -> str:
 
 
 def _unanswered(case: Case) -> str:
-    return f"no answer in {case.time_limit / 60.0:g} min"
+    return f"no answer in {case.time_limit:g} s"
 
 
 def _told(known: Measured) -> str:

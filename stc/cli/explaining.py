@@ -94,7 +94,7 @@ def _ranges(explanation: Explanation) -> list[tuple[str, str]]:
 
 
 def _show(explanation: Explanation, source: Path, path: Path) -> None:
-    """How close the proposal comes."""
+    """Print how close the solution of the proposed spec comes to the recorded motion."""
     shares = ", ".join(f"{name} {100 * share:.3g} %" for name, share in explanation.shares.items())
     noise = f"noise of the recording: {explanation.noise:.1g}"
     rows = [

@@ -60,7 +60,7 @@ def run(
     check_replay_lines(model.problem(options.method))
     outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
-        return _not_validated(outcome, _no_replay(outcome.solution.name), page, as_json)
+        return _not_validated(outcome, f"{_no_replay(outcome.solution.name)}; {_HOW}", page, as_json)
     return _judged(outcome, outcome.solution, force=force, page=page, table=table, as_json=as_json)
 
 

@@ -380,12 +380,12 @@ class _Table:
         self._begun = False
 
     def row(self, *cells: str) -> None:
-        """One more row, below the heading."""
+        """Print one row of the table."""
         if self._rows is not None:
             self._rows.row(*map(escape, cells))
             self._begun = True
 
     def end(self) -> None:
-        """An empty line below."""
+        """End the table with an empty line, if it has rows."""
         if self._begun:
             print(flush=True)

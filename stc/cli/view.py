@@ -103,7 +103,10 @@ def _live(target: str, options: SolveOptions, window: Window) -> int:
 
     model = load(target, options.constants)
     if model.problem(options.method).model is None:
-        raise UsageError(f"{model.name} has no `replay:` section that names a model to show it with")
+        raise UsageError(
+            f"{model.name} has no `replay:` section that names a model to show it with",
+            "docs/own_model.md describes how to write a model and connect a spec to it",
+        )
     file = options.output or writable_solution(f"{model.name}.npz")
     keep_inputs(file, model)
 

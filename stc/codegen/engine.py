@@ -106,11 +106,6 @@ def fingerprint() -> str:
     )
 
 
-def has_fma() -> bool:
-    """Whether the instruction set has fused multiply-add instructions."""
-    return core.instructions() != "baseline" or not is_x86()
-
-
 def vector_width() -> int:
     """How many doubles kernels compute at once: eight where registers hold them, else four.
 

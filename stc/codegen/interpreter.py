@@ -1,12 +1,11 @@
-"""Tapes run as they are: what a problem begins with whose compilation would take longer than its solve.
+"""Interprets tapes, for problems that would take longer to compile than to solve.
 
-A tape becomes a list of instructions, and one function of the core (``stc/core/tapes.c``) goes through it for up to
-:data:`CHUNK` blocks of instances at once.  Here they are written: values get rows, which are used again, varying inputs
-are fetched at the first use of one of their run.
+A tape becomes a list of instructions, which one function of the core (``stc/core/tapes.c``) executes for up to
+:data:`CHUNK` blocks of instances at once.  This module writes the instructions: it assigns values to rows, which are
+reused, and fetches varying inputs at the first use of one of their run.
 
-Sums take in products where compiled kernels do (:mod:`stc.codegen.fusion`), and functions are the same instructions,
-so that the results are the same bits: a kernel may be compiled, and take over, whenever that is worth it.  Until then
-two to three times as long is spent on evaluations.
+Operations and functions are the same instructions as in compiled kernels, so the results have the same bits.  A
+compiled kernel may therefore take over at any time.  Until then evaluations take two to three times as long.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
 from stc.codegen.engine import LANES, function_numbers
-from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape
 from stc.records import dataclass
@@ -59,13 +57,9 @@ class Instructions:
         return [*(array.ctypes.data for array in arrays), self.head, len(self.words)], arrays
 
 
-def assemble(tape: Tape, runs: Runs, fused: bool) -> Instructions:
-    """The instructions of a tape.
-
-    Args:
-        fused: the machine has fused multiply-add instructions.
-    """
-    return _Assembler(tape, runs, fused).code()
+def assemble(tape: Tape, runs: Runs) -> Instructions:
+    """The instructions of a tape."""
+    return _Assembler(tape, runs).code()
 
 
 class _Assembler:
@@ -74,10 +68,9 @@ class _Assembler:
     Long tapes have a million operations and more, so that the loop over them is written out in one function.
     """
 
-    def __init__(self, tape: Tape, runs: Runs, fused: bool) -> None:
+    def __init__(self, tape: Tape, runs: Runs) -> None:
         self.tape, self.runs = tape, runs
         self.number = function_numbers()
-        self.fused = find_fused(tape) if fused else {}
         self.words = array("i")
         self.row = [-1] * tape.n_slots
         self.free: list[int] = []
@@ -88,12 +81,12 @@ class _Assembler:
 
     def code(self) -> Instructions:
         tape, row, free, kept, lasting = self.tape, self.row, self.free, self.kept, self.lasting
-        begin, first_op, ops, write = tape.n_uniform_ops, tape.first_op, tape.ops, self.words.extend
-        reads = reads_of(tape, self.fused)
+        first_op, ops, write = tape.first_op, tape.ops, self.words.extend
+        reads = list(tape.reads())
         self._once_per_call(reads)
         head = len(self.words) // WORDS
         last = [-1] * tape.n_slots
-        for number, slots in enumerate(reads, begin):
+        for number, slots in reads:
             for slot in slots:
                 last[slot] = number
         outputs: dict[int, list[int]] = {}
@@ -101,22 +94,14 @@ class _Assembler:
             outputs.setdefault(slot, []).append(output)
         pairs = self._pairs()
         done: set[int] = set()
-        codes, fused, store = self.number, self.fused, self.number["store"]
-        sums = codes["fma"], codes["fms"], codes["fnma"]
-        for number, slots in enumerate(reads, begin):
-            if not slots:
-                continue
+        codes, store = self.number, self.number["store"]
+        for number, slots in reads:
             for slot in slots:
                 if row[slot] < 0:
                     self._fetch(slot)
             # The operands' rows, before they are given away to the results.
-            one = fused.get(number)
-            if one is None:
-                op, a, b = ops[number]
-                operands = row[a], row[b] if b >= 0 else 0, 0
-            else:
-                op = ""
-                operands = row[one.first], row[one.second], row[one.other]
+            op, a, b = ops[number]
+            operands = row[a], row[b] if b >= 0 else 0, 0
             for slot in slots:
                 if last[slot] == number and slot >= lasting and slot not in kept:
                     free.append(row[slot])
@@ -133,10 +118,8 @@ class _Assembler:
                 done.add(partner)
                 sine, cosine = (result, second) if op == "sin" else (second, result)
                 write((codes["sincos"], sine, operands[0], 0, cosine))
-            elif one is None:
-                write((codes[op], result, *operands))
             else:
-                write((sums[2 if one.negates_product else one.negates_other], result, *operands))
+                write((codes[op], result, *operands))
             for slot, result in made:
                 if slot in outputs:
                     for output in outputs[slot]:
@@ -154,11 +137,11 @@ class _Assembler:
         words = np.array(self.words, dtype=np.int32).reshape(-1, WORDS)
         return Instructions(words, head, self.rows)
 
-    def _once_per_call(self, reads: list[tuple[int, ...]]) -> None:
+    def _once_per_call(self, reads: list[tuple[int, tuple[int, ...]]]) -> None:
         tape, row, write = self.tape, self.row, self.words.extend
         varying = range(tape.n_uniform, tape.first_literal)
         needed = {slot for _, a, b in tape.ops[: tape.n_uniform_ops] for slot in (a, b)}
-        needed.update(tape.outputs, *reads)
+        needed.update(tape.outputs, *(slots for _, slots in reads))
         for slot in range(tape.first_op):
             if slot in needed and slot not in varying:
                 uniform = slot < tape.n_uniform

@@ -112,7 +112,7 @@ class Kernel:
         if self._entry is not None:
             return Bound.of_native(self._entry, cells, (arrays, self))
         if self._instructions is None:
-            self._instructions = assemble(self.tape, self.runs, engine.has_fma())
+            self._instructions = assemble(self.tape, self.runs)
         own, kept_alive = self._instructions.cells(self._takes_over, self.work)
         return Bound.of_native(core.library().tape_run, [*cells, *own], (arrays, kept_alive, self))
 
@@ -262,9 +262,7 @@ def _own_ir(tape: Tape, runs: Runs) -> str:
     """The LLVM module for this machine."""
     from stc.codegen.llvm import kernel_ir  # which a process that finds all its code does without
 
-    return kernel_ir(
-        tape, runs, width=engine.vector_width(), registers=engine.vector_registers(), fused=engine.has_fma()
-    )
+    return kernel_ir(tape, runs, width=engine.vector_width(), registers=engine.vector_registers())
 
 
 def compile_tapes(

@@ -12,7 +12,7 @@ and what another kernel has found:  kept[block][output][lane]  (double)
 
 The order of the tape is kept, and outputs are stored as soon as they are known, so that few values are alive at once;
 :mod:`stc.codegen.residency` decides which of them stay in registers.  The IR needs no optimisation passes: common
-subexpressions are shared, constants folded and multiply-adds fused already.  Its machine code is the same wherever it
+subexpressions are shared, and constants folded already.  Its machine code is the same wherever it
 lies in memory: numbers and functions are reached through the one argument (``tape_call`` of ``stc/core/calls.h``).
 """
 
@@ -21,11 +21,10 @@ from __future__ import annotations
 from typing import Final
 
 from stc.codegen.engine import LANES
-from stc.codegen.fusion import find_fused, reads_of
 from stc.codegen.operations import Operations
 from stc.codegen.residency import Residency
 from stc.codegen.runs import RUN, Runs
-from stc.codegen.tape import CIRCULAR, TOGETHER, Tape
+from stc.codegen.tape import CIRCULAR, Tape
 from stc.codegen.vector import Vector
 from stc.symbolic.tables import READ
 
@@ -45,7 +44,7 @@ _ARGUMENTS: Final = ("workspace", "uniform", "index", "out", "kept", "literals",
 class _Kernel:
     """Emits one kernel."""
 
-    def __init__(self, tape: Tape, runs: Runs, width: int, registers: int, fused: bool) -> None:
+    def __init__(self, tape: Tape, runs: Runs, width: int, registers: int) -> None:
         self.tape = tape
         self.runs = runs
         self.width = width
@@ -55,11 +54,8 @@ class _Kernel:
         self.vector = Vector(self.body, width, len(tape.constants), "v")
         self.shared = self._once_per_call()
         self.kept = runs.kept_rows(tape)
-        self.fused = find_fused(tape) if fused else {}
         # Four registers are for what goes on inside one operation.
-        self.residency = Residency(
-            tape, self.fused, self.vector, max(registers - 4, TOGETHER + 2), self.shared, self._load_input
-        )
+        self.residency = Residency(tape, self.vector, max(registers - 4, 4), self.shared, self._load_input)
         self.last_part = "compute"
         self._per_block()
 
@@ -140,34 +136,18 @@ class _Kernel:
         }
         read_by = {(a, b): tape.first_op + k for k, (op, a, b) in enumerate(tape.ops) if op == READ}
         known: set[int] = set()
-        # Angles whose sines and cosines are not there yet.
-        angles = dict.fromkeys(a for op, a, _ in tape.ops[tape.n_uniform_ops :] if op in CIRCULAR)
-        for number, reads in enumerate(reads_of(tape, self.fused), tape.n_uniform_ops):
+        for number, reads in tape.reads():
             op, a, b = tape.ops[number]
             slot = tape.first_op + number
             made: list[tuple[int, str]] = []
-            if number in self.fused:
-                register = {read: residency.operand(read, reads) for read in reads}
-                one = self.fused[number]
-                for read in reads:
-                    residency.used(read)
-                terms = (register[part] for part in (one.first, one.second, one.other))
-                made.append((slot, each.emit_fused(one, *terms)))
-            elif slot not in known and reads:
+            if slot not in known:
                 first = residency.operand(a, reads)
                 second = "" if b < 0 else first if b == a else residency.operand(b, reads)
                 for read in reads:
                     residency.used(read)
-                together = {a: first} if a in angles else {}
-                if together:
-                    # Others that are there already go along: a processor has little else to do meanwhile.
-                    for angle in [angle for angle in angles if angle < slot and angle != a][: TOGETHER - 1]:
-                        together[angle] = residency.operand(angle, tuple(together))
-                    for angle in together:
-                        del angles[angle]
-                if each.calls(op, a):
+                called = each.calls(op, a)
+                if called:
                     residency.vacate()
-                each.circular(list(together), list(together.values()))
                 if op == READ:
                     for literal, number_read in each.read(a, first, b).items():
                         made.append((read_by[a, literal], number_read))
@@ -175,9 +155,9 @@ class _Kernel:
                 else:
                     made.append((slot, each.emit(op, a, first, second, b)))
                 # What is there as well is a value like others from now on.
-                for angle in together:
-                    for other, value in zip(("sin", "cos"), each.circular([angle], [""])[0], strict=True):
-                        partner = slot_of.get((other, angle), -1)
+                if called and op in CIRCULAR:
+                    for other, value in zip(("sin", "cos"), each.circular(a, first), strict=True):
+                        partner = slot_of.get((other, a), -1)
                         if partner > slot:
                             made.append((partner, value))
                             known.add(partner)
@@ -207,8 +187,8 @@ class _Kernel:
             "shared": len(self.shared),
             "fetched": RUN * self.runs.count * self._vectors,
             "homes": self.residency.places,
-            "from": TOGETHER,
-            "to": 2 * TOGETHER,
+            "from": 4,  # two operands, and as much beyond as functions of wider vectors reach
+            "to": 4,
         }
         lines = [
             self.vector.declarations()
@@ -278,7 +258,7 @@ class _Kernel:
         ]
 
 
-def kernel_ir(tape: Tape, runs: Runs, *, width: int = LANES, registers: int = 16, fused: bool = True) -> str:
+def kernel_ir(tape: Tape, runs: Runs, *, width: int = LANES, registers: int = 16) -> str:
     """An LLVM module with one function, ``kernel``.
 
     Args:
@@ -286,6 +266,5 @@ def kernel_ir(tape: Tape, runs: Runs, *, width: int = LANES, registers: int = 16
         runs: where its varying inputs are.
         width: doubles per vector, :data:`LANES` or twice as many.
         registers: how many such vectors the machine's registers hold.
-        fused: the machine has fused multiply-add instructions.
     """
-    return _Kernel(tape, runs, width, registers, fused).text()
+    return _Kernel(tape, runs, width, registers).text()

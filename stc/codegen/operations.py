@@ -6,10 +6,8 @@ first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
-from stc.codegen.fusion import Fused
 from stc.codegen.lookups import clip, places, reaches, read, read_run
 from stc.codegen.runs import RUN
 from stc.codegen.tape import CIRCULAR, Tape
@@ -68,20 +66,11 @@ class Operations:
         if op == REACHES:
             return reaches(vector, a, b)
         if op in CIRCULAR:
-            sine, cosine = self.circular([slot], [a])[0]
+            sine, cosine = self.circular(slot, a)
             if op == "tan":
                 return vector.arithmetic("fdiv", sine, cosine)
             return sine if op == "sin" else cosine
-        return vector.called(op, [a, b] if b else [a], 1, 1)[0]
-
-    def emit_fused(self, fused: Fused, first: str, second: str, other: str) -> str:
-        """A sum that takes in a product."""
-        vector = self.vector
-        if fused.negates_product:
-            first = vector.factor_neg(first)
-        return vector.intrinsic(
-            "fma", first, second, vector.factor_neg(other) if fused.negates_other else other
-        )
+        return vector.called(op, [a, b] if b else [a], 1)[0]
 
     def read(self, slot: int, place: str, number: int) -> dict[int, str]:
         """The number so many places after each lane's, and what is wanted of the three after it: by their literals."""
@@ -96,12 +85,9 @@ class Operations:
                 return {each: found[self._literals[each] - first] for each in together}
         raise KeyError(number)
 
-    def circular(self, slots: Sequence[int], angles: Sequence[str]) -> list[tuple[str, str]]:
-        """Sines and cosines of angles, which slots identify: by one call for those that are not known yet."""
-        new = {slot: angle for slot, angle in zip(slots, angles, strict=True) if slot not in self._circular}
-        if new:
-            found = self.vector.called("sincos", list(new.values()), len(new), 2 * len(new))
-            self._circular.update(
-                zip(new, zip(found[: len(new)], found[len(new) :], strict=True), strict=True)
-            )
-        return [self._circular[slot] for slot in slots]
+    def circular(self, slot: int, angle: str) -> tuple[str, str]:
+        """Sine and cosine of an angle, which its slot identifies: by a call where they are not known yet."""
+        if slot not in self._circular:
+            sine, cosine = self.vector.called("sincos", [angle], 2)
+            self._circular[slot] = sine, cosine
+        return self._circular[slot]

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stc.codegen.fusion import Fused, reads_of
 from stc.codegen.tape import Tape
 from stc.codegen.vector import Vector
 
@@ -22,7 +21,6 @@ class Residency:
 
     Args:
         tape: the program; its per-instance part is meant.
-        fused: its sums that take in a product.
         vector: receives the instructions that move values.
         capacity: how many values may stay in registers between two operations.
         shared: slot -> place of the values that lie in memory from the start, in ``%shared``.
@@ -32,7 +30,6 @@ class Residency:
     def __init__(
         self,
         tape: Tape,
-        fused: dict[int, Fused],
         vector: Vector,
         capacity: int,
         shared: dict[int, int],
@@ -43,7 +40,7 @@ class Residency:
         self._shared = shared
         self._outside = range(tape.n_uniform, tape.first_literal)
         self._load_outside = load
-        self._uses = _uses(tape, fused)
+        self._uses = _uses(tape)
         self._registers: dict[int, str] = {}  # slot -> register
         self._next_use: dict[int, int] = {}  # slot -> operation, for slots in registers
         self._homes: dict[int, int] = {}  # slot -> place in memory, for slots that have been there
@@ -119,10 +116,10 @@ class Residency:
             self._free.append(home)
 
 
-def _uses(tape: Tape, fused: dict[int, Fused]) -> list[list[int]]:
+def _uses(tape: Tape) -> list[list[int]]:
     """Per slot, the numbers of the per-instance operations that read it, the first one last."""
     uses: list[list[int]] = [[] for _ in range(tape.n_slots)]
-    for number, slots in reversed(list(enumerate(reads_of(tape, fused), tape.n_uniform_ops))):
+    for number, slots in reversed(list(tape.reads())):
         for slot in slots:
             uses[slot].append(number)
     return uses

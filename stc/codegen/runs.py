@@ -53,7 +53,7 @@ class Runs:
 
     @classmethod
     def alone(cls, n_varying: int) -> Runs:
-        """Every input a run of its own."""
+        """The runs of inputs of which no two are fetched together: one run for each."""
         return cls(tuple(range(0, RUN * n_varying, RUN)), n_varying)
 
     def digest(self) -> str:
@@ -75,7 +75,7 @@ class Copies:
 
     @property
     def end(self) -> int:
-        """Where the copies end."""
+        """The position in the workspace after the last copy."""
         return self._start + RUN * len(self._places)
 
     def place(self, run: tuple[int, ...]) -> int:

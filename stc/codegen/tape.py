@@ -21,15 +21,14 @@ way here:
 - Uniform factors of a product are multiplied with each other first, once per call.
 - Expressions that are equal as polynomials are computed once, whichever way they are written.
 
-Operations come in the order of :func:`_schedule`, but for the angles of sines and cosines: those are computed a few at
-a time, so that back ends can have their functions computed side by side.
+Operations come in the order of :func:`_schedule`.
 """
 
 from __future__ import annotations
 
 import struct
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, Final
@@ -54,9 +53,6 @@ counted from the first of those; k is a literal.
 
 CIRCULAR: Final = ("sin", "cos", "tan")
 """The operators that have most of their work in common, if they have their operand in common."""
-
-TOGETHER: Final = 4
-"""Sines and cosines of so many angles are computed by one call."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +89,12 @@ class Tape:
     def n_uniform_ops(self) -> int:
         """How many operations run once per call: the first so many."""
         return sum(self.uniform_ops)
+
+    def reads(self) -> Iterator[tuple[int, tuple[int, ...]]]:
+        """The per-instance operations, by number, with the distinct slots that each one reads."""
+        for number in range(self.n_uniform_ops, len(self.ops)):
+            _, a, b = self.ops[number]
+            yield number, ((a, b) if b >= 0 and b != a else (a,))
 
     @cached_property
     def last_use(self) -> list[int]:
@@ -153,23 +155,6 @@ class Tape:
         lines.append("outputs:")
         lines += [f"  {name} = {names[slot]}" for name, slot in zip(results, self.outputs, strict=True)]
         return "\n".join(lines)
-
-
-def _order(program: Program, roots: Sequence[int]) -> list[int]:
-    """The operations that the roots need: circular functions first, after the angles of a few of them each time."""
-    order = _schedule(program, roots)
-    wanted: dict[int, list[int]] = {}
-    for k in order:
-        if program.op[k] in CIRCULAR and not program.uniform[k]:
-            wanted.setdefault(program.a[k], []).append(k)
-    if len(wanted) < 2:
-        return order
-    angles = list(wanted)
-    first: list[int] = []
-    for at in range(0, len(angles), TOGETHER):
-        some = angles[at : at + TOGETHER]
-        first += [*some, *(k for angle in some for k in wanted[angle])]
-    return _schedule(program, [*first, *roots])
 
 
 def _schedule(program: Program, roots: Sequence[int]) -> list[int]:
@@ -233,7 +218,7 @@ def build_tape(outputs: Sequence[Expr], uniform: Sequence[Hashable], varying: Se
     given = frozenset(key for key in varying if isinstance(key, Expr))
     number = Lowering(program, reachable(outputs, given), input_of).number
     roots = [number[e] for e in outputs]
-    order = _order(program, roots)
+    order = _schedule(program, roots)
     order = [k for k in order if program.uniform[k]] + [k for k in order if not program.uniform[k]]
 
     used = set(roots)

@@ -80,7 +80,7 @@ _SHORTEST = 8
 
 
 def record() -> Record:
-    """Nothing is known yet."""
+    """A record in which no time has been measured yet."""
     return (ctypes.c_int64 * 5)(0, 0, 0, _SHORTEST, _SHORTEST)
 
 

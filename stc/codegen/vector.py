@@ -13,7 +13,7 @@ from typing import Final
 
 from stc.codegen.engine import function_numbers
 
-_INTRINSICS: Final = {"sqrt": 1, "trunc": 1, "fma": 3}
+_INTRINSICS: Final = ("sqrt", "trunc")
 
 
 class Vector:
@@ -69,21 +69,16 @@ class Vector:
         """``fadd``, ``fsub``, ``fmul`` or ``fdiv``."""
         return self.let(f"{instruction} {self.f} {a}, {b}")
 
-    def intrinsic(self, name: str, *operands: str) -> str:
-        """``sqrt``, ``trunc`` or ``fma``, which is ``a*b + c`` with one rounding."""
-        arguments = ", ".join([f"{self.f} {operand}" for operand in operands])
-        return self.let(f"call {self.f} @llvm.{name}.v{self.lanes}f64({arguments})")
+    def intrinsic(self, name: str, operand: str) -> str:
+        """``sqrt`` or ``trunc``."""
+        return self.let(f"call {self.f} @llvm.{name}.v{self.lanes}f64({self.f} {operand})")
 
     def neg(self, a: str) -> str:
         """The negative; 0 becomes -0."""
         return self.arithmetic("fsub", self.spread("%literals", self._n_literals + 1), a)
 
-    def factor_neg(self, a: str) -> str:
-        """The negative of an operand of ``fma``, which is part of its instruction."""
-        return self.let(f"fneg {self.f} {a}")
-
     def one(self) -> str:
-        """1 in all lanes."""
+        """A vector with 1 in all lanes."""
         return self.spread("%literals", self._n_literals)
 
     def select(self, relation: str, a: str, b: str, yes: str, no: str) -> str:
@@ -91,24 +86,20 @@ class Vector:
         condition = self.let(f"fcmp {relation} {self.f} {a}, {b}")
         return self.let(f"select <{self.lanes} x i1> {condition}, {self.f} {yes}, {self.f} {no}")
 
-    def called(self, name: str, operands: Sequence[str], count: int, results: int) -> list[str]:
-        """What a function of the core (``tape_functions`` of ``stc/core/calls.h``) finds for ``count`` vectors, or
-        for as many pairs: all firsts, then all seconds."""
+    def called(self, name: str, operands: Sequence[str], results: int) -> list[str]:
+        """What a function of the core (``tape_functions`` of ``stc/core/calls.h``) finds for a vector or two."""
         for place, operand in enumerate(operands):
             self.store(operand, "%from", place)
-        self.call(name, f"ptr %from, ptr %to, i64 {count * self.lanes}")
+        self.call(name, f"ptr %from, ptr %to, i64 {self.lanes}")
         return [self.load("%to", place) for place in range(results)]
 
     def call(self, name: str, arguments: str) -> None:
-        """Call such a function."""
+        """Call one of the functions whose addresses the kernel is given."""
         function = self.let(
             f"load ptr, ptr {self.pointer('%functions', 8 * function_numbers()[name])}, align 8"
         )
         self.lines.append(f"  call void {function}({arguments})")
 
     def declarations(self) -> str:
-        """Of intrinsics."""
-        return "".join(
-            f"declare {self.f} @llvm.{name}.v{self.lanes}f64({', '.join([self.f] * arity)})\n"
-            for name, arity in _INTRINSICS.items()
-        )
+        """The declarations of the intrinsic functions that kernels use, as lines of LLVM."""
+        return "".join(f"declare {self.f} @llvm.{name}.v{self.lanes}f64({self.f})\n" for name in _INTRINSICS)

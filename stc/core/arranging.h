@@ -1,4 +1,4 @@
-/* Which stages a horizon has: frames or others, and runs of stages that are alike. */
+/* Which stages of a horizon are alike. */
 #ifndef STC_ARRANGING_H
 #define STC_ARRANGING_H
 
@@ -27,14 +27,5 @@ API void arranging_codes(int64_t count, const int32_t *restrict first, const int
 API void arranging_own_codes(int64_t kind, int64_t count, const int32_t *restrict variable,
                              const int32_t *restrict stage, const int32_t *restrict local, int64_t base,
                              int64_t *restrict sums);
-
-/* Begins of level structures, one for each component: far ends of a search; how many there are. */
-API int64_t arranging_ends(int64_t count, const int32_t *restrict pointers, const int32_t *restrict target,
-                           int32_t *restrict seen, int32_t *restrict queue, int32_t *restrict begins);
-
-/* Breadth-first levels from all sources together, or from each one not reached yet; parts found so far. */
-API int64_t arranging_levels_from(int64_t count, const int32_t *restrict sources, int64_t one_by_one, int64_t parts,
-                                  const int32_t *restrict pointers, const int32_t *restrict target,
-                                  int32_t *restrict level, int32_t *restrict part, int32_t *restrict queue);
 
 #endif

@@ -6,13 +6,9 @@
 #include "batch_solve.h"
 #include "batch_tree.h"
 
-/* A scale serves as long as the largest entries of all rows are within this factor of 1; sweeps to find one, and what it is
- * content with (load.h). */
+/* A scale serves as long as the largest entries of all rows are within this factor of 1. */
 #define BATCH_STALE 1024.0
-#define BATCH_SWEEPS 12
-#define BATCH_GOOD 2.0
-#define BATCH_SMALLEST_SCALE 1e-100
-#define BATCH_LARGEST_SCALE 1e100
+
 /* Factors with smaller pivots or larger entries than these are tried on a right-hand side: the residual, before refinement,
  * should be no larger than BATCH_INACCURATE, and the solution no longer than BATCH_SINGULAR times as much. */
 #define BATCH_SUSPECT 1e-9
@@ -27,15 +23,8 @@
 #define BATCH_AHEAD 1200
 /* Steps of refinement at most. */
 #define BATCH_REFINEMENTS 10
-/* Residuals are relative to the right-hand side plus the solution, or so many times the right-hand side. */
-#define BATCH_LARGEST_GAIN 1e6
 /* After a matrix that was refused, so many at most are left to the other method. */
 #define BATCH_LONGEST_PAUSE 15
-/* Plans are made anew as in kkt.c: where delayed pivots have cost so many times the planned operations in all, twice as
- * much each time; the first two where the first matrix has cost so much more, and the third takes all for weak. */
-#define BATCH_WASTED 4.0
-#define BATCH_SOON 0.1
-#define BATCH_LEARNING 2
 
 /* What eight matrices spend on a front as a whole counts for so little in uniting fronts: with 8, which they are, the
  * solves of four problems take as long in the geometric mean, cart-pole with 10,000 intervals a tenth longer. */
@@ -268,27 +257,23 @@ static void batch_spread_scale(batch_state *s, int64_t groups) {
 static void batch_equilibrate(const batch *b, batch_state *s) {
     for (int64_t k = 0; k < s->length; k++) s->scale[k] = 1.0;
     for (int64_t k = 0; k < b->groups; k++) batch_load_raw(b, s, s->groups + k);
-    for (int sweep = 0; sweep < BATCH_SWEEPS; sweep++) {
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
         batch_most_of_rest(b, s);
         for (int64_t k = 0; k < b->groups; k++) {
             batch_most_given(s, s->groups + k);
             batch_raise_ends(s->groups + k, s->most, s->most + s->outer);
         }
         for (int64_t k = 0; k < b->groups; k++) batch_take_ends(s->groups + k, s->most + s->outer, s->most);
-        double low = BATCH_LARGEST_SCALE, high = 0.0;
+        double low = LARGEST_SCALE, high = 0.0;
         for (int64_t k = 0; k < s->outer + b->rest; k++) {
             double value = s->most[k];
             high = value > high ? value : high;
             value = value > 0.0 ? value : 1.0;
             low = value < low ? value : low;
         }
-        if (high < BATCH_GOOD && low * BATCH_GOOD > 1.0) break;
-        for (int64_t k = 0; k < s->outer + b->rest; k++) {
-            double value = s->scale[k] / sqrt(s->most[k] > 0.0 ? s->most[k] : 1.0);
-            value = value < BATCH_SMALLEST_SCALE ? BATCH_SMALLEST_SCALE : value;
-            s->scale[k] = value > BATCH_LARGEST_SCALE ? BATCH_LARGEST_SCALE : value;
-        }
-        if (high < BATCH_GOOD * BATCH_GOOD * low) break;
+        if (high < GOOD && low * GOOD > 1.0) break;
+        for (int64_t k = 0; k < s->outer + b->rest; k++) s->scale[k] = rescaled(s->scale[k], s->most[k]);
+        if (high < GOOD * GOOD * low) break;
     }
     s->fresh = 0;
 }
@@ -425,7 +410,7 @@ static void batch_forget_plan(const batch *b, batch_state *s) {
         free(shape->inner);
         shape->plan = NULL;
         shape->depth = shape->inner = NULL;
-        if (s->planned == BATCH_LEARNING) memset(shape->weak, 1, (size_t)(shape->own + shape->ends));
+        if (s->planned == LEARNING) memset(shape->weak, 1, (size_t)(shape->own + shape->ends));
     }
     for (int64_t k = 0; k < b->groups; k++) {
         batch_group *g = s->groups + k;
@@ -454,7 +439,7 @@ static int batch_plan(const batch *b, batch_state *s) {
     return 0;
 }
 
-/* Whether the next matrix is to be planned for anew (see WASTED, SOON and LEARNING in kkt.c). */
+/* Whether the next matrix is to be planned for anew (see WASTED, SOON and LEARNING). */
 static void batch_judge_plan(const batch *b, batch_state *s, int first) {
     double wasted = 0.0, work = 1.0;
     for (int64_t k = 0; k < b->parts; k++) {
@@ -462,8 +447,8 @@ static void batch_judge_plan(const batch *b, batch_state *s, int first) {
         work += s->parts[k].work;
     }
     s->wasted += wasted / work;
-    if (first && s->planned <= BATCH_LEARNING) s->replan = s->wasted > BATCH_SOON;
-    else if (s->wasted > ldexp(BATCH_WASTED, s->planned < 30 ? (int)s->planned : 30)) s->replan = 1;
+    if (first && s->planned <= LEARNING) s->replan = s->wasted > SOON;
+    else if (s->wasted > ldexp(WASTED, s->planned < 30 ? (int)s->planned : 30)) s->replan = 1;
 }
 
 /* --- Factorisation. */
@@ -603,7 +588,7 @@ int64_t batch_factorize(batch *b) {
 /* --- Solves. */
 
 /* left = b - K x of the rest, but for what the groups have in it. */
-static void batch_residual_rest(const batch *b, const batch_state *s, const batch_unknowns *u) {
+static void batch_residual_rest(const batch *b, const batch_state *s, const unknowns *u) {
     const double *x = u->x + s->outer, *right = u->b + s->outer, *own = s->rest_matrix + b->rest;
     double *left = u->left + s->outer;
     for (int64_t k = 0; k < b->rest; k++) left[k] = right[k] - s->rest_matrix[k] * x[k];
@@ -620,27 +605,17 @@ static double batch_norm(const double *x, int64_t count) {
     return most;
 }
 
-/* Whether to refine once more, after a change; it is taken back where that made it worse (see improve in substitute.h). */
+/* Whether to refine once more, after a change; it is taken back where that made it worse. */
 static void batch_improve(const batch *b, batch_state *s, int which, int64_t refinements) {
-    batch_unknowns *u = s->unknowns + which;
+    unknowns *u = s->unknowns + which;
     double highest = batch_norm(u->x + s->outer, b->rest), remaining = batch_norm(u->left + s->outer, b->rest);
     for (int64_t k = 0; k < b->parts; k++) {
         batch_raise(&highest, s->parts[k].highest[which]);
         batch_raise(&remaining, s->parts[k].remaining[which]);
     }
-    double gain = BATCH_LARGEST_GAIN * u->length, now = remaining / (u->length + (highest < gain ? highest : gain));
-    double before = u->report;
     if (which == 0 && s->steps == 0) b->report[2] = highest / u->length;
-    u->active = 0;
-    if (!(now < before)) {
-        if (s->steps == 0) u->report = now;
-        else
-            for (int64_t k = 0; k < s->length; k++) u->x[k] -= u->change[k];
-        return;
-    }
-    u->report = now;
-    if (now > 0.5 * before || now <= b->accuracy[0] || s->steps >= refinements) return;
-    u->active = 1;
+    if (worsened(u, highest, remaining, b->accuracy[0], s->steps, refinements))
+        for (int64_t k = 0; k < s->length; k++) u->x[k] -= u->change[k];
 }
 
 static void batch_solve_for(batch *b, int both, int probing, int64_t refinements) {
@@ -654,8 +629,8 @@ static void batch_solve_for(batch *b, int both, int probing, int64_t refinements
     s->probing = probing;
     b->report[2] = 0.0;
     for (int which = 0; which <= both; which++) {
-        batch_unknowns *u = s->unknowns + which;
-        *u = (batch_unknowns){s->vector[4 * which], s->vector[4 * which + 1], s->vector[4 * which + 2], s->vector[4 * which + 3],
+        unknowns *u = s->unknowns + which;
+        *u = (unknowns){s->vector[4 * which], s->vector[4 * which + 1], s->vector[4 * which + 2], s->vector[4 * which + 3],
                               0.0, 0.0, 1};
         for (int64_t k = 0; k < b->rest; k++)
             u->b[s->outer + k] = u->x[s->outer + k] = rhs[which][b->rest_unknown[k]] * s->scale[s->outer + k];
@@ -665,7 +640,7 @@ static void batch_solve_for(batch *b, int both, int probing, int64_t refinements
     for (;; s->steps++) {
         invoke(b->calls, BATCH_FORWARD);
         for (int which = 0; which <= both; which++) {
-            batch_unknowns *u = s->unknowns + which;
+            unknowns *u = s->unknowns + which;
             if (!s->steps) {
                 for (int64_t k = 0; k < b->parts; k++) batch_raise(&u->length, s->parts[k].length[which]);
                 u->active = !(u->length == 0.0);
@@ -678,7 +653,7 @@ static void batch_solve_for(batch *b, int both, int probing, int64_t refinements
         }
         invoke(b->calls, BATCH_REST_SOLVE + both);
         for (int which = 0; which <= both; which++) {
-            batch_unknowns *u = s->unknowns + which;
+            unknowns *u = s->unknowns + which;
             double *own = batch_target(s, which) + s->outer;
             for (int64_t k = 0; k < b->rest; k++) own[k] = rest_x[which][k];
             if (s->steps && u->active)
@@ -688,7 +663,7 @@ static void batch_solve_for(batch *b, int both, int probing, int64_t refinements
         invoke(b->calls, BATCH_BACKWARD);
         int active = 0;
         for (int which = 0; which <= both; which++) {
-            batch_unknowns *u = s->unknowns + which;
+            unknowns *u = s->unknowns + which;
             for (int64_t part = 0; part < b->parts; part++)
                 for (int64_t k = 0; k < b->rest; k++) u->left[s->outer + k] += s->parts[part].sum[which][k];
             if (u->active) batch_improve(b, s, which, refinements);

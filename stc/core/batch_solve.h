@@ -175,7 +175,7 @@ void batch_forward(const batch *b, batch_work *w) {
         batch_group *g = s->groups + at;
         int32_t own = g->shape->own;
         for (int which = 0; which <= s->both; which++) {
-            batch_unknowns *u = s->unknowns + which;
+            unknowns *u = s->unknowns + which;
             double *x = batch_target(s, which) + g->at;
             if (!s->steps) {
                 vec8 most = splat8(0.0), check = splat8(0.0);

@@ -60,13 +60,6 @@ typedef struct {
     double check, spread, largest, smallest, length[2], highest[2], remaining[2];
 } batch_work;
 
-/* One right-hand side on its way. */
-typedef struct {
-    double *b, *x, *change, *left;
-    double length, report;
-    int64_t active;
-} batch_unknowns;
-
 typedef struct {
     batch_shape *shapes;
     batch_group *groups;
@@ -82,7 +75,7 @@ typedef struct {
     double wasted;          /* operations beyond those planned, as a multiple of these, since the plan was made */
     int64_t watched;        /* whether groups that the scale does not serve are not to be eliminated */
     double trusted;         /* factors are not tried below so much growth */
-    batch_unknowns unknowns[2];
+    unknowns unknowns[2];
     int64_t both, steps, probing;
     int64_t distance;       /* how many numbers ahead factors are asked for, 0 where they are near */
 } batch_state;

@@ -7,14 +7,12 @@
 
 #include "system.h"
 
-/* A plan is made anew, from the values at hand, where delayed pivots have cost so many times the planned operations in
- * all, and twice as much each time: some matrices suit no plan. */
-#define WASTED 4.0
-/* The first two plans are made anew, knowing which unknowns have been delayed, where the first matrix has cost so many
- * times the planned operations beyond those; the third takes all for weak. */
-#define SOON 0.1
-#define LEARNING 2
+/* Sweeps that scale the magnitudes a plan is made from. */
 #define PLAN_SWEEPS 4
+/* Stages of so many unknowns on average are wide, and sparse those that have fewer entries off the diagonal than this, for
+ * each two unknowns of a stage: an order that ignores stages is tried, too, and taken where it has fewer operations. */
+#define WIDE 60.0
+#define SPARSE 0.1
 #define ALIGNMENT 64
 
 int arena_reserve(arena *a, int64_t room, int64_t kept) {
@@ -167,12 +165,29 @@ static void suspect_all(kkt *s) {
     s->judged_by = s->options.certain;
 }
 
+static plan *cheapest_plan(const kkt *s, const graph *g, const double *magnitude) {
+    plan *found = plan_new(g, s->entries, s->one, s->other, magnitude, s->n, s->stage, s->weak, 1), *other = NULL;
+    int32_t stages = 1;
+    for (int32_t i = 0; i < s->size; i++) stages = s->stage[i] >= stages ? s->stage[i] + 1 : stages;
+    double width = (double)s->size / stages;
+    if (!found || stages == 1 || width < WIDE || (double)s->entries >= SPARSE * width * s->size) return found;
+    int32_t *none = array(s->size, sizeof(int32_t));
+    if (none) other = plan_new(g, s->entries, s->one, s->other, magnitude, s->n, none, s->weak, 1);
+    free(none);
+    if (!other || other->operations >= found->operations) {
+        plan_free(other);
+        return found;
+    }
+    plan_free(found);
+    return other;
+}
+
 static int make_plan(kkt *s) {
     graph g = {0};
     double *magnitude = array(s->entries, sizeof(double));
     forget_plan(s);
     if (magnitude && !graph_new(&g, s->size, s->entries, s->one, s->other) && !magnitudes(s, magnitude))
-        s->plan = plan_new(&g, s->entries, s->one, s->other, magnitude, s->n, s->stage, s->weak, 1);
+        s->plan = cheapest_plan(s, &g, magnitude);
     free(g.start); free(g.index); free(g.entry); free(magnitude);
     if (!s->plan) return -1;
     s->fronts = array(s->plan->fronts, sizeof(factored));

@@ -5,12 +5,6 @@
 #include "system.h"
 #include "vectors.h"
 
-/* A scale is good when the largest entries of all rows are within this factor of 1; and sweeps to find one. */
-#define GOOD 2.0
-#define SWEEPS 12
-#define SMALLEST_SCALE 1e-100
-#define LARGEST_SCALE 1e100
-
 /* Largest entry of each row of S K S. */
 static void largest_of_rows(const kkt *s, double *restrict most) {
     const plan *p = s->plan;
@@ -50,11 +44,7 @@ static void equilibrate(kkt *s) {
                 low = value < low ? value : low;
             }
             if (high < GOOD && low * GOOD > 1.0) break;
-            for (int32_t k = 0; k < s->size; k++) {
-                double value = s->scale[k] / sqrt(most[k] > 0.0 ? most[k] : 1.0);
-                value = value < SMALLEST_SCALE ? SMALLEST_SCALE : value;
-                s->scale[k] = value > LARGEST_SCALE ? LARGEST_SCALE : value;
-            }
+            for (int32_t k = 0; k < s->size; k++) s->scale[k] = rescaled(s->scale[k], most[k]);
             if (high < GOOD * GOOD * low) break;
         }
     }

@@ -5,9 +5,6 @@
 #include "system.h"
 #include "vectors.h"
 
-/* Residuals are relative to the right-hand side plus the solution, or so many times the right-hand side. */
-#define LARGEST_GAIN 1e6
-
 /* y -= L x below the eliminated ones, and before that x = L^-1 x among them; y holds both. */
 static void forward_front(const double *restrict l, int32_t stride, int32_t taken, int32_t size, double *restrict y) {
     int32_t k = 0;
@@ -147,18 +144,9 @@ static double residual(const kkt *s, const double *restrict b, const double *res
     return most + check;
 }
 
-/* One right-hand side on its way to a solution, by position and scaled. */
-typedef struct {
-    const double *rhs;
-    double *solution;
-    double *b, *x, *change;
-    double length, report;
-    int active;
-} unknowns;
-
-static void begin(const kkt *s, unknowns *u) {
+static void begin(const kkt *s, unknowns *u, const double *rhs) {
     for (int32_t k = 0; k < s->size; k++) {
-        u->b[k] = u->change[k] = u->rhs[s->plan->order[k]] * s->scale[k];
+        u->b[k] = u->change[k] = rhs[s->plan->order[k]] * s->scale[k];
         u->x[k] = 0.0;
     }
     u->length = largest_of(u->b, s->size);
@@ -171,28 +159,19 @@ static void improve(const kkt *s, unknowns *u, int64_t steps) {
     for (int32_t k = 0; k < s->size; k++) u->x[k] += u->change[k];
     u->active = 0;
     if (s->options.refinements == 0) return;
-    double *left = s->most; /* only used while a scale is sought */
-    double remaining = residual(s, u->b, u->x, left), highest = largest_of(u->x, s->size), before = u->report;
-    double gain = LARGEST_GAIN * u->length, now = remaining / (u->length + (highest < gain ? highest : gain));
-    if (!(now < before)) {
-        if (steps > 0)
-            for (int32_t k = 0; k < s->size; k++) u->x[k] -= u->change[k];
-        else
-            u->report = now;
-        return;
-    }
-    u->report = now;
-    if (now > 0.5 * before || now <= s->arrays.accuracy[0] || steps >= s->options.refinements) return;
-    u->active = 1;
-    memcpy(u->change, left, sizeof(double) * (size_t)s->size);
+    double remaining = residual(s, u->b, u->x, u->left), highest = largest_of(u->x, s->size);
+    if (worsened(u, highest, remaining, s->arrays.accuracy[0], steps, s->options.refinements))
+        for (int32_t k = 0; k < s->size; k++) u->x[k] -= u->change[k];
+    if (u->active) memcpy(u->change, u->left, sizeof(double) * (size_t)s->size);
 }
 
 void solve_system(kkt *s, int both) {
-    unknowns one = {s->arrays.rhs, s->arrays.solution, s->vector[0], s->vector[1], s->vector[2], 0.0, 0.0, 0};
-    unknowns two = {s->arrays.second_rhs, s->arrays.second_solution, s->vector[3], s->vector[4], s->vector[5], 0.0, 0.0, 0};
+    double *left = s->most; /* only used while a scale is sought */
+    unknowns one = {s->vector[0], s->vector[1], s->vector[2], left, 0.0, 0.0, 0};
+    unknowns two = {s->vector[3], s->vector[4], s->vector[5], left, 0.0, 0.0, 0};
     int64_t steps = 0;
-    begin(s, &one);
-    if (both) begin(s, &two);
+    begin(s, &one, s->arrays.rhs);
+    if (both) begin(s, &two, s->arrays.second_rhs);
     while (one.active || two.active) {
         if (one.active) substitute(s, one.change, two.active ? two.change : NULL);
         else substitute(s, two.change, NULL);
@@ -200,9 +179,9 @@ void solve_system(kkt *s, int both) {
         if (two.active) improve(s, &two, steps);
         steps++;
     }
-    for (int32_t k = 0; k < s->size; k++) one.solution[s->plan->order[k]] = one.x[k] * s->scale[k];
+    for (int32_t k = 0; k < s->size; k++) s->arrays.solution[s->plan->order[k]] = one.x[k] * s->scale[k];
     if (both)
-        for (int32_t k = 0; k < s->size; k++) two.solution[s->plan->order[k]] = two.x[k] * s->scale[k];
+        for (int32_t k = 0; k < s->size; k++) s->arrays.second_solution[s->plan->order[k]] = two.x[k] * s->scale[k];
     s->arrays.report[0] = one.report > two.report || one.report != one.report ? one.report : two.report;
     s->arrays.report[1] = (double)(steps > 0 ? steps - 1 : 0);
 }

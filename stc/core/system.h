@@ -5,6 +5,21 @@
 #include "kkt.h"
 #include "order.h"
 
+/* A scale is good when the largest entries of all rows are within this factor of 1; and sweeps to find one. */
+#define GOOD 2.0
+#define SWEEPS 12
+#define SMALLEST_SCALE 1e-100
+#define LARGEST_SCALE 1e100
+/* Residuals are relative to the right-hand side plus the solution, or so many times the right-hand side. */
+#define LARGEST_GAIN 1e6
+/* A plan is made anew, from the values at hand, where delayed pivots have cost so many times the planned operations in
+ * all, and twice as much each time: some matrices suit no plan. */
+#define WASTED 4.0
+/* The first two plans are made anew, knowing which unknowns have been delayed, where the first matrix has cost so many
+ * times the planned operations beyond those; the third takes all for weak. */
+#define SOON 0.1
+#define LEARNING 2
+
 /* A stretch of memory, aligned to lines of caches, that grows. */
 typedef struct {
     double *at;
@@ -68,6 +83,32 @@ enum { ONE = 1, FIRST = 2, SECOND = 3 };
 int64_t factorize_all(kkt *s, int needed);
 void load_values(kkt *s, int *finite);
 void solve_system(kkt *s, int both);
+
+/* A row's factor of the scale, after a sweep that has found this largest entry in it. */
+static inline double rescaled(double scale, double most) {
+    double value = scale / sqrt(most > 0.0 ? most : 1.0);
+    value = value < SMALLEST_SCALE ? SMALLEST_SCALE : value;
+    return value > LARGEST_SCALE ? LARGEST_SCALE : value;
+}
+
+/* One right-hand side on its way to a solution, scaled: x, and its next change; what is left to solve for. */
+typedef struct {
+    double *b, *x, *change, *left;
+    double length, report;
+    int64_t active;
+} unknowns;
+
+/* Whether the last change has made things worse, and is to be taken back; from the largest magnitudes of the solution and of
+ * what is left.  `active` from now on: whether there is to be another change. */
+static inline int worsened(unknowns *u, double highest, double remaining, double accuracy, int64_t steps, int64_t most) {
+    double gain = LARGEST_GAIN * u->length, now = remaining / (u->length + (highest < gain ? highest : gain));
+    double before = u->report;
+    u->active = 0;
+    if (!(now < before) && steps > 0) return 1;
+    u->report = now;
+    u->active = now < before && !(now > 0.5 * before || now <= accuracy || steps >= most);
+    return 0;
+}
 
 /* At least so much room; what is in it stays where `kept` numbers are asked for.  0, or -1. */
 int arena_reserve(arena *a, int64_t room, int64_t kept);

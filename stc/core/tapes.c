@@ -44,7 +44,6 @@ static inline void fetch(const double *workspace, const int32_t *index, double *
 #define EACH for (int64_t k = 0; k < count; k += LANES)
 #define A (*(const lanes *)(a + k))
 #define B (*(const lanes *)(b + k))
-#define C (*(const lanes *)(c + k))
 #define D (*(lanes *)(d + k))
 #define FOLLOW(name, value) case name##_: EACH D = value; break;
 
@@ -127,9 +126,6 @@ static void follow(const tape_call *t, const instruction *i, const instruction *
         FOLLOW(div, A / B)
         FOLLOW(neg, -A)
         FOLLOW(sqrt, root_of(A))
-        FOLLOW(fma, fused_of(A, B, C))
-        FOLLOW(fms, fused_of(A, B, -C))
-        FOLLOW(fnma, fused_of(-A, B, C))
         case sin_: EACH sine_cosine(A, &D, &other); break;
         case cos_: EACH sine_cosine(A, &other, &D); break;
         case sincos_: EACH sine_cosine(A, &D, (lanes *)(c + k)); break;

@@ -1,5 +1,5 @@
-/* The instructions of tapes, by number: those that move values, those of tapes (stc/codegen/tape.py), and those for two
- * of a tape's. */
+/* The instructions of tapes, by number: those that move values, those of tapes (stc/codegen/tape.py), and sine and cosine
+ * together. */
 #ifndef STC_TAPES_H
 #define STC_TAPES_H
 
@@ -9,7 +9,7 @@
     each(sin) each(cos) each(tan) each(asin) each(acos) each(atan) each(atan2) \
     each(sinh) each(cosh) each(tanh) each(exp) each(log) \
     each(clip) each(reaches) each(read) \
-    each(fma) each(fms) each(fnma) each(sincos)
+    each(sincos)
 
 #define NUMBERED(name) name##_,
 enum { INSTRUCTIONS(NUMBERED) };

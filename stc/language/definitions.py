@@ -83,7 +83,7 @@ def collect_definitions(spec: syntax.SpecTree, table: NameTable, diagnostics: Di
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Consecutive frames on which the same piece holds (None: no piece)."""
+    """Consecutive frames on which the same piece of a definition by ranges holds; ``None`` where none does."""
 
     first: int
     last: int

@@ -111,7 +111,7 @@ class _Template(ExpressionParser):
         self.counts = self._whole_constants()
 
     def parts(self) -> list[_Part]:
-        """The whole text."""
+        """The parts of the whole text, with repetitions written out."""
         found: list[_Part] = []
         copied = 0
         while self.kind != "end":

@@ -78,7 +78,7 @@ def _bare(node: syntax.Expression) -> tuple[str, int]:
 
 
 def show_header(header: syntax.RangeHeader) -> str:
-    """``[a, b]:``."""
+    """The header of a range of frames as text: ``[a, b]:``, or ``[a]:`` for one frame."""
     ends = [header.first] if header.last is None else [header.first, header.last]
     return f"[{', '.join(show_expression(end) for end in ends)}]:"
 

@@ -274,7 +274,7 @@ class ContactPlace(Node):
 
 @dataclass(slots=True)
 class DataFile(Node):
-    """``polar = "polar.csv";`` in `data:`, perhaps with ``, unwrap angle`` or ``, unwrap angle = 360``."""
+    """A file under `data:`: ``polar = "polar.csv";``, perhaps with ``, unwrap angle`` or ``, unwrap angle = 360``."""
 
     name: Name
     path: str

@@ -7,6 +7,7 @@ from functools import cached_property
 
 from stc.mechanism import passive, quantities
 from stc.mechanism.actuation import activation_rates, actuator_force
+from stc.mechanism.fluid import resistance
 from stc.mechanism.forces import Forces, Transmission, Wrench, together
 from stc.mechanism.kinematics import Kinematics, Motion
 from stc.mechanism.mechanism import Mechanism
@@ -160,8 +161,11 @@ class Dynamics:
         return forces
 
     @cached_property
-    def _springs_and_dampers(self) -> Forces:
-        return passive.springs_and_dampers(self.kinematics, self.numbers, self.tendons, self._first_gears)
+    def _springs_dampers_medium(self) -> Forces:
+        forces = passive.springs_and_dampers(self.kinematics, self.numbers, self.tendons, self._first_gears)
+        if not all(passive.disabled_passive(self.mechanism)):
+            forces.wrenches += resistance(self.kinematics, self.numbers, self.geoms)
+        return forces
 
     @cached_property
     def _compensation(self) -> list[Wrench]:
@@ -172,8 +176,8 @@ class Dynamics:
         return passive.drive_inertia(self.kinematics, self.numbers, self.tendons, self._first_gears)
 
     def passive_forces(self) -> list[Expr]:
-        """MuJoCo's ``qfrc_passive``: springs, dampers, and gravity compensation that is not done by actuators."""
-        found = self._on_dofs(self._springs_and_dampers)
+        """MuJoCo's ``qfrc_passive``: of springs, dampers, the medium, and gravity compensation without actuators."""
+        found = self._on_dofs(self._springs_dampers_medium)
         for dof, force in enumerate(self._compensation_by(actuators=False)):
             found[dof] = add(found[dof], force)
         return found
@@ -213,7 +217,7 @@ class Dynamics:
     def _beside(self, given: Forces, compensated_by_actuators: bool) -> list[Expr]:
         """The generalised forces that the motion needs besides given ones and all passive ones."""
         every = together(
-            [given, self._springs_and_dampers, self._drives, Forces(wrenches=self._compensation)]
+            [given, self._springs_dampers_medium, self._drives, Forces(wrenches=self._compensation)]
         )
         found = inverse_dynamics(self.kinematics, every.wrenches)
         for dof, force in every.on_dofs.items():

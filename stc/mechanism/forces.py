@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 from stc.mechanism.tree import Frame
 from stc.mechanism.vectors import ORIGIN, Vector, scaled
@@ -12,15 +13,16 @@ from stc.symbolic.expr import ZERO, Expr, add, mul
 
 @dataclass(frozen=True, slots=True)
 class Wrench:
-    """A force at the origin of a frame, and a torque; both along the world's axes."""
+    """A force at the origin of a frame, and a torque; both along the world's axes, or those of the frame's segment."""
 
     frame: Frame
     force: Vector = ORIGIN
     torque: Vector = ORIGIN
+    in_segment: bool = False
 
     def times(self, factor: Expr) -> Wrench:
-        """A multiple."""
-        return Wrench(self.frame, scaled(factor, self.force), scaled(factor, self.torque))
+        """The wrench multiplied by a factor."""
+        return replace(self, force=scaled(factor, self.force), torque=scaled(factor, self.torque))
 
 
 @dataclass(frozen=True, slots=True)

@@ -130,7 +130,7 @@ class Geom:
         size: MuJoCo's: radii and half lengths.
         friction: sliding, torsional and rolling.
         contype, conaffinity: two geoms may touch if a bit of one's type is in the other's affinity.
-        fluid: whether the ellipsoid model of fluid forces is on.
+        fluid: the coefficients of the ellipsoid model of fluid forces, in MuJoCo's order; empty where that is off.
         adhesion: N; surface_velocity: linear and angular, of a conveyor's surface.
         solref: how stiff its contacts are: a time in s and a ratio of damping, or two negative numbers.
         corners: of a mesh that may touch something, those of its convex hull, in its own frame.
@@ -150,7 +150,7 @@ class Geom:
     solmix: float
     margin: float
     gap: float
-    fluid: bool
+    fluid: tuple[float, ...]
     adhesion: float
     surface_velocity: tuple[float, ...]
     solref: tuple[float, float] = (0.02, 1.0)

@@ -50,16 +50,22 @@ def _in_segments(kinematics: Kinematics, wrenches: Iterable[Wrench]) -> dict[int
     """The sums of wrenches by segment, at its origin and in its axes."""
     forces: dict[int, dict[Vector, Vector]] = {}
     torques: dict[int, Vector] = {}
+    found: dict[int, tuple[Vector, Vector]] = {}
     for wrench in wrenches:
         segment = wrench.frame.segment
         if segment == WORLD:
             continue
+        if wrench.in_segment:
+            turning = plus(wrench.torque, cross(wrench.frame.at, wrench.force))
+            force, torque = found.get(segment, (ORIGIN, ORIGIN))
+            found[segment] = plus(force, wrench.force), plus(torque, turning)
+            continue
         places, at = forces.setdefault(segment, {}), wrench.frame.at
         places[at] = plus(places.get(at, ORIGIN), wrench.force)
         torques[segment] = plus(torques.get(segment, ORIGIN), wrench.torque)
-    found = {}
     for segment, pulls in forces.items():
-        force, torque = ORIGIN, kinematics.to_segment(segment, torques[segment])
+        force, torque = found.get(segment, (ORIGIN, ORIGIN))
+        torque = plus(torque, kinematics.to_segment(segment, torques[segment]))
         for at, pull in pulls.items():
             own = kinematics.to_segment(segment, pull)
             force, torque = plus(force, own), plus(torque, cross(at, own))

@@ -34,7 +34,7 @@ class Sums:
     angular: Vector = ORIGIN
 
     def plus(self, other: Sums) -> Sums:
-        """The sum of both."""
+        """The sums over the bodies of both."""
         return Sums(
             mass=add(self.mass, other.mass),
             first=plus(self.first, other.first),

@@ -270,7 +270,7 @@ class _Reader:
                     solmix=float(m.geom_solmix[i]),
                     margin=float(m.geom_margin[i]),
                     gap=float(m.geom_gap[i]),
-                    fluid=bool(m.geom_fluid[i][0] > 0),
+                    fluid=_floats(m.geom_fluid[i]) if m.geom_fluid[i][0] > 0 else (),
                     adhesion=float(m.geom_adhesion[i]),
                     surface_velocity=_floats(m.geom_surfacevel[i]),
                     solref=_floats(m.geom_solref[i]),

@@ -52,7 +52,6 @@ def refusals(mechanism: Mechanism) -> list[Refusal]:
     Contact, limits and dry friction are not equations of motion and not checked here.
     """
     found = [
-        *_medium(mechanism),
         *_of_actuators(mechanism.actuators),
         *_of_tendons(mechanism),
         *_of_joints(mechanism),
@@ -121,20 +120,6 @@ def _wraps(tendon: Tendon) -> bool:
 
 def _named(kind: str, name: str) -> str:
     return f'{kind} "{name}"' if name else kind
-
-
-def _medium(mechanism: Mechanism) -> Iterator[Refusal]:
-    options = mechanism.options
-    if {"spring", "damper"} <= options.disabled:  # MuJoCo then has no passive forces at all
-        return
-    for name, value in (("density", options.density), ("viscosity", options.viscosity)):
-        if value:
-            yield Refusal(
-                "fluid",
-                "option",
-                f"the medium has a {name} of {value:g}, and its forces on the bodies cannot be stated",
-                options.place,
-            )
 
 
 #: What is known to be stated of actuators.

@@ -4,6 +4,7 @@
 path                                           what it is
 =============================================  ================================================================
 ``option.gravity.x`` (``.y``, ``.z``)          gravity, m/s^2
+``option.density`` (``viscosity``)             of the medium around the bodies, kg/m^3 (Pa s)
 ``body.NAME.mass``                             mass, kg
 ``body.NAME.inertia.x`` (``.y``, ``.z``)       principal moments of inertia, kg m^2
 ``body.NAME.com.x`` (``.y``, ``.z``)           centre of mass in the body's frame, m
@@ -30,10 +31,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from stc.mechanism.mechanism import Mechanism
+from stc.mechanism.mechanism import Mechanism, Options
 from stc.mechanism.numbers import Path
 
 _AXES = ("x", "y", "z")
+_MEDIUM = ("density", "viscosity")
 _FRICTIONS = ("slide", "spin", "roll")
 #: Where a range ends on a side that is not limited, m or rad.
 _NO_END = 1e6
@@ -62,7 +64,7 @@ _FIELDS: Mapping[str, tuple[str, Mapping[str, tuple[str, tuple[str, ...]]]]] = {
 def settable(mechanism: Mechanism) -> dict[Path, float]:
     """The paths of all numbers that can be set, and their values."""
     followed = _followed(mechanism)
-    return {path: value for path, value in _all(mechanism).items() if (path[0], path[2]) not in followed}
+    return {path: value for path, value in _all(mechanism).items() if (path[0], *path[2:3]) not in followed}
 
 
 def _followed(mechanism: Mechanism) -> set[tuple[str, str]]:
@@ -83,6 +85,7 @@ def _all(mechanism: Mechanism) -> dict[Path, float]:
         ("option", "gravity", axis): value
         for axis, value in zip(_AXES, mechanism.options.gravity, strict=True)
     }
+    found.update({("option", name): getattr(mechanism.options, name) for name in _MEDIUM})
     for kind, (attribute, fields) in _FIELDS.items():
         for thing in getattr(mechanism, attribute):
             if thing.name and thing.name != "world":
@@ -125,6 +128,8 @@ def changed(mechanism: Mechanism, values: Mapping[Path, float]) -> Mechanism:
 
 def _set(mechanism: Mechanism, path: Path, value: float) -> Mechanism:
     kind, name, *rest = path
+    if kind == "option" and name in _MEDIUM:
+        return replace(mechanism, options=_with_medium(mechanism.options, name, value))
     if kind == "option":
         gravity: Any = _with(mechanism.options.gravity, _AXES.index(rest[0]), value)
         return replace(mechanism, options=replace(mechanism.options, gravity=gravity))
@@ -148,6 +153,10 @@ def _set(mechanism: Mechanism, path: Path, value: float) -> Mechanism:
     return _replaced(
         mechanism, things, name, lambda one: {attribute: _with(getattr(one, attribute), index, value)}
     )
+
+
+def _with_medium(options: Options, name: str, value: float) -> Options:
+    return replace(options, density=value) if name == "density" else replace(options, viscosity=value)
 
 
 def _with(entries: Iterable[float], index: int, value: float) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stc.solver.kkt.contract import AttachedKKT, NotFinite
+from stc.solver.kkt.contract import KKTSystem, NotFinite
 from stc.solver.products import NOTHING
 
 __all__ = [
@@ -28,7 +28,7 @@ AGAINST_DEPENDENT_ROWS = 1
 
 
 def factorize_restricted(
-    write: Callable[[float, float, float], object], largest: float, kkt: AttachedKKT, regularity: int = 0
+    write: Callable[[float, float, float], object], largest: float, kkt: KKTSystem, regularity: int = 0
 ) -> tuple[int, bool]:
     """Factorise the H and J in the arrays of a KKT system, regularised as much as it takes.
 

@@ -42,7 +42,6 @@ FACTORIZATION: Final = 3
 SEARCH: Final = 5
 BLOCKED: Final = 6
 DONE: Final = 0
-REFACTOR: Final = 1
 NO_SHIFT: Final = 3
 TAKEN: Final = 0
 NOT_FINITE: Final = 3

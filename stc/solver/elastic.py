@@ -27,23 +27,21 @@ from stc.solver.constants import ATTEMPT, CALLS
 from stc.solver.evaluator import Evaluator
 from stc.solver.formulation import Formulation, linear_system_of
 from stc.solver.iterate import Iterate
-from stc.solver.kkt.contract import Inertia
-from stc.solver.kkt.entries import ByCopies
+from stc.solver.kkt.contract import Inertia, KKTSystem
 from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
 if TYPE_CHECKING:
     from stc.core.calls import Bound
-    from stc.solver.kkt.contract import AttachedKKT
 
 __all__ = ["ElasticKKT", "ElasticProblem"]
 
 
-class ElasticKKT(ByCopies):
-    """A KKT system in (x, p, q) on top of one in x: see ``AttachedKKT``."""
+class ElasticKKT(KKTSystem):
+    """A KKT system in (x, p, q) on top of one in x: see ``KKTSystem``."""
 
-    def __init__(self, base: AttachedKKT, n: int, m: int, jac_entries: int) -> None:
+    def __init__(self, base: KKTSystem, n: int, m: int, jac_entries: int) -> None:
         """``n``, ``m``, ``jac_entries``: sizes of ``base``."""
         self._base, self._m = base, m
         unknowns = n + 3 * m
@@ -77,30 +75,25 @@ class ElasticKKT(ByCopies):
         """See ``KKTSystem.nnz_factor``."""
         return self._base.nnz_factor
 
-    @property
-    def last_residual(self) -> float:
-        """See ``KKTSystem.last_residual``."""
-        return self._base.last_residual
-
     def trust_small_pivots(self, trusted: bool) -> None:
-        """See ``AttachedKKT.trust_small_pivots``."""
+        """See ``KKTSystem.trust_small_pivots``."""
         self._base.trust_small_pivots(trusted)
 
     def refactor(self) -> Inertia:
-        """See ``AttachedKKT.refactor``; the diagonal of p and q must be positive."""
+        """See ``KKTSystem.refactor``; the diagonal of p and q must be positive."""
         self._factorized = False
         self._eliminate()
         return self._with_pairs(self._base.refactor())
 
     @property
     def attempt_call(self) -> Bound | None:
-        """See ``AttachedKKT.attempt_call``."""
+        """See ``KKTSystem.attempt_call``."""
         own = self._base.attempt_call if self._factorized else None
         self._calls.put(ATTEMPT, own)
         return None if own is None else self._attempt
 
     def resume(self, ended: int) -> Inertia:
-        """See ``AttachedKKT.resume``."""
+        """See ``KKTSystem.resume``."""
         return self._with_pairs(self._base.resume(ended))
 
     def _with_pairs(self, inertia: Inertia) -> Inertia:
@@ -110,7 +103,7 @@ class ElasticKKT(ByCopies):
 
     @property
     def solve_call(self) -> Bound:
-        """See ``AttachedKKT.solve_call``."""
+        """See ``KKTSystem.solve_call``."""
         call = self._base.solve_call  # others may have factorised by another plan meanwhile
         if call is not self._solve_of:
             self._solve_of, self._solve = call, chain([self._begin, call, self._end])
@@ -118,7 +111,7 @@ class ElasticKKT(ByCopies):
 
     @property
     def solve_both_call(self) -> Bound:
-        """See ``AttachedKKT.solve_both_call``."""
+        """See ``KKTSystem.solve_both_call``."""
         call = self._base.solve_both_call
         if call is not self._solve_both_of:
             parts = self._begin, self._begin_second, call, self._end, self._end_second
@@ -126,11 +119,12 @@ class ElasticKKT(ByCopies):
         return super().solve_both_call
 
     def check_solution(self) -> bool:
-        """See ``AttachedKKT.check_solution``."""
-        if not self._base.check_solution():
-            return False
-        self._end()
-        return True
+        """See ``KKTSystem.check_solution``."""
+        repeated = self._base.check_solution()
+        self.last_residual = self._base.last_residual
+        if repeated:
+            self._end()
+        return repeated
 
 
 class ElasticProblem(Formulation):

@@ -22,14 +22,14 @@ from stc.core.functions import function
 from stc.core.structures import Structure, structure
 from stc.solver.constants import EQUALITY, IGNORED, INEQUALITY
 from stc.solver.evaluator import Evaluator
-from stc.solver.kkt.attached import attached
 from stc.solver.kkt.couplings import sort_by_key
+from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.nlp import Floats, Ints, Mask
 from stc.solver.products import Indices, symmetric_times, times
 
 if TYPE_CHECKING:
     from stc.solver.iterate import Iterate
-    from stc.solver.kkt.contract import AttachedKKT, KKTSystem
+    from stc.solver.kkt.contract import KKTSystem
 
 __all__ = ["Formulation", "linear_system_of", "summed"]
 
@@ -45,7 +45,7 @@ def summed(index: Ints, values: Floats, size: int) -> Floats:
 T = TypeVar("T")
 
 
-def linear_system_of(kkt: AttachedKKT) -> Structure:
+def linear_system_of(kkt: KKTSystem) -> Structure:
     """The arrays of a system for functions of the core (``linear_system`` in ``iteration.h``)."""
     return structure("linear_system")(
         hess=kkt.hess, jac=kkt.jac, primal=kkt.primal, dual=kkt.dual, rhs=kkt.rhs, second_rhs=kkt.second_rhs,
@@ -129,9 +129,9 @@ class Formulation(ABC):
         return cast("T", self._kept[make])
 
     @cached_property
-    def attached_kkt(self) -> AttachedKKT:
-        """``kkt`` with arrays that everybody who works on this form writes into."""
-        return attached(self.kkt, self.n, self.m, self.jac_rows.size, self.hess_rows.size)
+    def attached_kkt(self) -> KKTSystem:
+        """``kkt``, or what it stands for, which takes less time to reach."""
+        return self.kkt.system if isinstance(self.kkt, StructuredKKT) else self.kkt
 
     @cached_property
     def linear_system(self) -> Structure:
@@ -194,10 +194,6 @@ class Formulation(ABC):
     def jacobian_times(self, jac: Floats, v: Floats) -> Floats:
         """``J v``, (m,)."""
         return times(self.jac_rows, self.jac_cols, jac, v, self.m)
-
-    def transpose_times(self, jac: Floats, y: Floats) -> Floats:
-        """``J^T y``, (n,)."""
-        return times(self.jac_cols, self.jac_rows, jac, y, self.n)
 
     def hessian_times(self, hess: Floats, v: Floats) -> Floats:
         """``H v``, (n,), from the lower triangle."""

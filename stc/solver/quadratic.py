@@ -113,6 +113,7 @@ class QuadraticProgram:
         self._kkt = form.attached_kkt
         self._fixed, self._held_rows = form.held_factor, form.equality_factor
         self._nothing = np.zeros(max(form.n, form.m))
+        self._unsolved = 0  # active sets, one after the other, whose system could not be solved accurately
 
     def solve(self, guess: ActiveSet) -> QuadraticSolution | None:
         """The solution with the help of a guess of the active set; None where that does not lead to it."""
@@ -183,14 +184,17 @@ class QuadraticProgram:
         return positive
 
     def _solved(self, fixed_d: Floats) -> tuple[Floats, Floats, Floats, Floats] | None:
-        """Step and multipliers, and what the step does (see ``respond``); None where they are not finite.
+        """Step and multipliers, and what the step does (see ``respond``); None where there are none.
 
         What has been factorised holds variables and leaves out rows nearly, and may have shifts against dependent ones,
-        of whose multipliers that finds the smallest. All that is taken out again by refinement.
+        of whose multipliers that finds the smallest. All that is taken out again by refinement, as long as that halves
+        what is left.  Where it leaves much, the set's constraints are nearly dependent.  One such set may be passed on
+        the way; after a second one the search wanders, and is given up.
         """
         kkt, n, m = self._kkt, self.form.n, self.form.m
         free = 1.0 - self._fixed
         d, y, pull, moved = fixed_d.copy(), np.zeros(m), np.empty(n), np.empty(m)
+        left = np.inf
         for _ in range(1 + REFINEMENTS):
             kkt.solve_call()
             kkt.check_solution()
@@ -201,9 +205,11 @@ class QuadraticProgram:
                 return None
             kkt.rhs[:n] = free * pull
             kkt.rhs[n:] = self._held_rows * (self._targets - moved)
-            if float(np.abs(kkt.rhs).max(initial=0.0)) <= ACCURATE * self.tolerance:
+            before, left = left, float(np.abs(kkt.rhs).max(initial=0.0))
+            if left <= ACCURATE * self.tolerance or left > HALF * before:
                 break
-        return d, y, pull, moved
+        self._unsolved = self._unsolved + 1 if left > ACCEPTABLE else 0
+        return None if self._unsolved == 2 else (d, y, pull, moved)
 
     @staticmethod
     def _target(active: Signs, equal: NDArray[np.bool_], room: Sequence[Floats]) -> Floats:

@@ -238,9 +238,6 @@ class ScaledProblem(Formulation):
     def user_variables(self, x: Floats) -> Floats:
         return x * self.x_scale
 
-    def user_measures(self, x: Floats, f: float, r: Floats) -> tuple[float, float]:
-        return self.user_objective(f), self.violation(x, r)
-
     def user_objective(self, f: float) -> float:
         """Objective in the user's terms."""
         return f / self.objective_scale

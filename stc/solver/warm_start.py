@@ -55,7 +55,7 @@ def from_neighbour(
         if new is None:
             return None, False
         monitor.count()
-        f_user, violation = form.user_measures(new.x, new.f, new.r)
+        f_user, violation = form.user_objective(new.f), form.violation(new.x, new.r)
         step = float(np.abs(new.x - point.x).max(initial=0.0))
         monitor.record("warm", partial(form.as_stated, new.x, new.y), f_user, violation, new.error, step)
         if new.error <= tolerance:

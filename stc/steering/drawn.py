@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stc.solution import Solution
-from stc.steering.posed_body import FloatArray, moving_bodies
+from stc.steering.posed_body import FloatArray, moving_bodies, state_of
 from stc.steering.session import Session
 from stc.validate.export.geometry import same_surface, shown_geoms, surface
 from stc.validate.pictures.motion import solved_at
@@ -125,7 +125,7 @@ def _poses(setup: Setup, times: FloatArray) -> FloatArray:
     """(k, bodies, 7) where every body is in the world: place in m and unit quaternion, w first."""
     import mujoco
 
-    data = mujoco.MjData(setup.compiled)
+    data = state_of(setup.compiled)
     found = np.zeros((len(times), setup.compiled.nbody, 7))
     for k, position in enumerate(solved_at(setup, times)):
         data.qpos[:] = position

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -40,7 +41,7 @@ class Place:
     flat: bool = False
 
     def point(self, data: mujoco.MjData) -> FloatArray:
-        """(3,) where it is, in m."""
+        """(3,) the position of the point in the world, in m."""
         found: FloatArray = data.xpos[self.body] + data.xmat[self.body].reshape(3, 3) @ self.local
         return found
 
@@ -50,17 +51,31 @@ def moving_bodies(model: mujoco.MjModel) -> list[int]:
     return [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
 
 
+_kept = threading.local()
+
+
+def state_of(model: mujoco.MjModel) -> mujoco.MjData:
+    """MuJoCo's state of a model, for positions alone.
+
+    Each thread keeps one, since making one takes longer than anything that is computed with it here.
+    """
+    import mujoco
+
+    found: mujoco.MjData | None = getattr(_kept, "state", None)
+    if found is None or found.model is not model:
+        found = _kept.state = mujoco.MjData(model)
+    return found
+
+
 class PosedBody:
-    """A model in a pose that may be changed.
+    """A model in a pose that may be changed: one at a time in each thread, for the next one has the same state.
 
     Attributes:
         data: MuJoCo's state, of which only positions are used.
     """
 
     def __init__(self, model: mujoco.MjModel, qpos: FloatArray) -> None:
-        import mujoco
-
-        self.model, self.data = model, mujoco.MjData(model)
+        self.model, self.data = model, state_of(model)
         self.put(qpos)
 
     def put(self, qpos: FloatArray) -> None:

@@ -135,7 +135,10 @@ class Session:
         self._on_disk = source.written if target is None else _text_of(target)
         problem = self.model.problem(options.get("method"), **given)
         if problem.model is None:
-            raise UsageError(f"{source.name} has no `replay:` section that names a model to show it with")
+            raise UsageError(
+                f"{source.name} has no `replay:` section that names a model to show it with",
+                "docs/own_model.md describes how to write a model and connect a spec to it",
+            )
         solution = self.model.solve(constants=given, **options)
         if solution.status != "optimal":
             raise UnsolvedError(
@@ -202,13 +205,13 @@ class Session:
 
     def points(self, setup: Setup | None = None) -> dict[str, FloatArray]:
         """(3,) where each handle is in a motion, in m; in the last solution where none is given."""
-        setup, found = setup or self._tied(self.solution), {}
-        stances: dict[int, PosedBody] = {}
-        for key, handle in self.handles.items():
-            frame = min(handle.frame, setup.solution.n)
-            if frame not in stances:
-                stances[frame] = PosedBody(setup.compiled, qpos_at(setup, setup.solution, frame))
-            found[key] = handle.place.point(stances[frame].data)
+        setup = setup or self._tied(self.solution)
+        handles = self.handles
+        found = dict.fromkeys(handles, np.zeros(3))
+        for frame in {handle.frame for handle in handles.values()}:
+            at = min(frame, setup.solution.n)
+            stance = PosedBody(setup.compiled, qpos_at(setup, setup.solution, at))
+            found.update({k: h.place.point(stance.data) for k, h in handles.items() if h.frame == frame})
         return found
 
     def shown(self) -> Setup:

@@ -80,7 +80,7 @@ def slid(motion: Solution, phase: Phase, mechanics: ModelEquations) -> list[Slid
     places = np.concatenate([frames[:-1], frames[1:], frames[:-1] + 0.5])
 
     def nodes(channel: Channel) -> FloatArray:
-        """Right sides of frames, left sides, midpoints."""
+        """A channel's values at the beginnings of the steps, then at their ends, then at their midpoints."""
         mid = channel.mid[first:last] if channel.mid is not None else channel.after[:0]
         return np.concatenate([channel.after[first:last], channel.before[first + 1 : last + 1], mid])
 

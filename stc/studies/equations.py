@@ -183,7 +183,7 @@ def _ranges(motion: Solution, phase: Phase, coordinates: Sequence[str]) -> list[
 
 
 class _Comparison:
-    """One phase of one spec."""
+    """Compares the equations of one phase of a spec with those of its model."""
 
     def __init__(
         self,

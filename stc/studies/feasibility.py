@@ -116,7 +116,7 @@ class ElasticProblem:
     def derivatives(
         self, x: FloatArray, multipliers: FloatArray, objective_factor: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Their derivatives."""
+        """The derivatives of :meth:`values`: gradient, Jacobian and Hessian entries."""
         _, jac, hess = self.base.derivatives(x[: self.base.n], multipliers, 0.0)
         gradient = np.ones(self.n)
         gradient[: self.base.n] = 0.0

@@ -138,7 +138,7 @@ class Spread:
         return [b - a for a, b in pairwise(ends)]
 
     def _phase_by_phase(self, factors: Sequence[int]) -> dict[str, float]:
-        """Every end by name."""
+        """The new last frame of every phase, by the constant that holds it."""
         new = np.cumsum(np.array(factors) * np.array(self.lengths))
         return {name: float(value) for (name, _), value in zip(self.ends, new, strict=True)}
 

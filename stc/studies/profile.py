@@ -45,7 +45,7 @@ class Watch:
     _floor_before: float = 0.0
 
     def over(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function, timed."""
+        """A function that calls ``function`` and measures its time."""
 
         def timed(*args: Any, **kwargs: Any) -> Any:
             begin = time.perf_counter()

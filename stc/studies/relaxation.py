@@ -114,7 +114,7 @@ class RelaxedProblem:
         self.row_linear = np.concatenate(linear)
 
     def values(self, x: FloatArray) -> tuple[float, FloatArray]:
-        """s, and all rows."""
+        """The objective, which is s, and the rows of the relaxed program."""
         own, s = x[:-1], float(x[-1])
         _, rows = self._bound.values(own)
         bodies = self.row_sign[: len(self._source)] * rows[self._source]
@@ -124,7 +124,7 @@ class RelaxedProblem:
     def derivatives(
         self, x: FloatArray, multipliers: FloatArray, objective_factor: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Their derivatives."""
+        """The derivatives of :meth:`values`: gradient, Jacobian and Hessian entries."""
         base, count = self.base, len(self._source)
         y = multipliers[: base.m].copy()
         y[base.left_out] = 0.0

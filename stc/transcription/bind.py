@@ -144,7 +144,9 @@ def _apply(problem: Problem, bound: BoundStatement, layout: Layout, numbers: Num
             )
     if bound.unknown is None or dead.all():
         return
-    position = layout.position(bound.unknown, nodes)
+    if bound.positions is None:  # they are the same for all constants
+        bound.positions = layout.position(bound.unknown, nodes)
+    position = bound.positions
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         one, other = low / slope, high / slope
     beyond = ~dead & (np.isfinite(low) & np.isinf(one) | np.isfinite(high) & np.isinf(other))

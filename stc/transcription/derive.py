@@ -112,7 +112,7 @@ class Group:
 
     @property
     def bodies(self) -> list[Expr]:
-        """Of the rows, then the objective."""
+        """The expressions of the rows, then that of the objective if there is one."""
         return [row.body for row in self.rows] + ([] if self.objective is None else [self.objective])
 
     def take_inputs(self) -> None:
@@ -240,7 +240,7 @@ def _own_digest() -> str:
 
 
 def _plain(derived: Derived) -> tuple[Any, ...]:
-    """Numbers, texts, lists and tuples alone."""
+    """The result of :func:`derive` as numbers, texts, lists and tuples alone, to be kept in a file."""
     tapes = [
         (tape.n_uniform, tape.n_varying, tape.constants, tape.ops, tape.outputs, tape.uniform_ops)
         for tape in (derived.values_tape, derived.derivatives_tape, derived.constants_tape)
@@ -252,7 +252,7 @@ def _plain(derived: Derived) -> tuple[Any, ...]:
 def _derived(
     tapes: Any, kept: int, places: Any, degrees: list[int], objective_degree: int, bent: list[int]
 ) -> Derived:
-    """From :func:`_plain`."""
+    """The result of :func:`derive`, from what :func:`_plain` made of it."""
     values, derivatives, constants = (Tape(*tape) for tape in tapes)
     varying, constant = ([Derivative(*place) for place in some] for some in places)
     return Derived(values, derivatives, constants, kept, varying, constant, degrees, objective_degree, bent)

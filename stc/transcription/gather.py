@@ -86,7 +86,7 @@ class Folding:
         )
 
     def changed(self) -> PlaceArray:
-        """Places whose values folding changes."""
+        """The positions in the buffer that adding up changes."""
         return np.concatenate([self.doubled, self.into, self.long_into])
 
     def bind(self, buffer: FloatArray) -> list[Bound]:

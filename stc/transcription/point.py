@@ -116,7 +116,7 @@ class Point:
         self.misses: dict[tuple[int, str], Miss] = {}
 
     def found(self) -> Found:
-        """All figures."""
+        """The objective, the violation and the first-order error at the point."""
         gradient, lagrangian = np.zeros(len(self.x)), self.z.copy()
         objective, magnitude, largest_term = 0.0, 0.0, 0.0
         complementarity, violation, loosest = 0.0, 0.0, ("", -1.0)

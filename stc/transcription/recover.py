@@ -132,6 +132,9 @@ class Recovery:
         """Values at all frames, of the side ``where``, or at all midpoints; nan without values. (count,)"""
         into = np.full(count, np.nan)
         for form in forms_of(self.lowering, body, where):
+            if form.body.op == "sym" and form.body.payload in form.positions:
+                into[form.nodes.frame] = self.x[form.positions[form.body.payload]]
+                continue
             values = dict(self._values)
             for key, position in form.positions.items():
                 values[key] = self.x[position]

@@ -52,6 +52,7 @@ class Bound:
     """``lower <= coefficient*unknown + rest <= upper``: a bound on one decision variable.
 
     ``unknown`` is None if the relation contains no decision variable; it is then either true or a contradiction.
+    ``positions`` are those of the unknown at the nodes, once they have been asked for.
     """
 
     unknown: VariableRef | ParameterRef | None
@@ -61,6 +62,7 @@ class Bound:
     upper: Expr | None
     nodes: Nodes
     relation: int
+    positions: IntArray | None = None
 
 
 @dataclass(slots=True)

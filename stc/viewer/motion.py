@@ -154,7 +154,7 @@ class Motion:
         controls = self.setup.controls.in_step(step, at)[0]
         for actuator, value in zip(self.setup.controls.actuators, controls):
             shapes += self._actuator(actuator, float(value), offset)
-        for place, wrench in self._forces.wrenches(self._forces.in_step(step, at)[0]).items():
+        for place, wrench in self._forces.wrenches(self._forces.in_step(step, at)[0]):
             point = place.point(self._model, data) + offset
             tail = line_of_action(point, wrench[:3], wrench[3:])
             # Where hardly any force acts its line is far away: what is drawn stays at the body.
@@ -266,7 +266,7 @@ class Motion:
         largest = 0.0
         for part in ("before", "after"):
             for frame in range(self.solution.n + 1):
-                for wrench in self._forces.wrenches(self._forces.at(part, frame)).values():
+                for _, wrench in self._forces.wrenches(self._forces.at(part, frame)):
                     largest = max(largest, float(np.linalg.norm(wrench[:3])))
         if largest > 0.0:
             return self._longest / largest
@@ -280,6 +280,6 @@ def _places(setup: Setup) -> list[tuple[str, int]]:
     """
     found = dict.fromkeys(usual_places(setup))
     forces = setup.all_forces
-    for place in forces.wrenches(np.zeros(len(forces))):
+    for place, _ in forces.wrenches(np.zeros(len(forces))):
         found.setdefault((place.array, place.index))
     return list(found)

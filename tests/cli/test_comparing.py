@@ -50,6 +50,7 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("large.stc").write_text(LARGE)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("again", [False, True])
 def test_rows_are_there_at_once_and_stay_when_it_is_interrupted(again: bool) -> None:
     words = ["compare", "point.stc", "--optimizers", "sqp,nlopt:slsqp,witkin-kass"]

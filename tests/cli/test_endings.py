@@ -72,6 +72,7 @@ def begun(running: subprocess.Popen[str], count: int) -> None:
         assert running.stderr.readline() == "begins\n"
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_a_search_that_is_ended_saves_the_best_so_far(name: str, tmp_path: Path) -> None:
     number = getattr(signal, name)

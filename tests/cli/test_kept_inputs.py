@@ -58,6 +58,7 @@ def refused(call: Stc, *words: str, what: str) -> None:
     assert {path: path.read_bytes() for path in Path().iterdir() if path.is_file()} == before
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("suffix", ["npz", "csv"])
 def test_a_table_does_not_take_the_place_of_its_solution(suffix: str, stc_: Stc) -> None:
     saved = f"saved.{suffix}"

@@ -132,6 +132,7 @@ def until_stuck(running: subprocess.Popen[str]) -> None:
 
 
 class TestTimeLimits:
+    @pytest.mark.daily_every(4)
     @pytest.mark.parametrize(
         ("spec", "n", "optimizer"),
         [
@@ -159,6 +160,7 @@ class TestTimeLimits:
         if record.get("file") is not None:  # a busy machine may not get as far as a guess
             assert stc.read(tmp_path / "a.npz").status == "time_limit"
 
+    @pytest.mark.daily_every(2)
     @pytest.mark.parametrize(
         "words",
         [
@@ -185,6 +187,7 @@ class TestTimeLimits:
             runs: Any = record.get("optimizers", [])
             assert "time_limit" in {record["status"], *(run["status"] for run in runs)}
 
+    @pytest.mark.daily_every(2)
     @pytest.mark.parametrize("phase", [phase for phase in PHASES if phase != "judging"])
     def test_every_phase_ends(self, phase: str, tmp_path: Path) -> None:
         words = ["solve", "motion.stc", "--set", "n=40", "--json", "-o", "a.npz"]
@@ -218,6 +221,7 @@ class TestTimeLimits:
 
 
 class TestSignals:
+    @pytest.mark.daily_every(2)
     @pytest.mark.parametrize(
         ("phase", "name"),
         [
@@ -245,6 +249,7 @@ class TestSignals:
         assert running.returncode in ((1,) if name == "SIGINT" else (128 + number, -number))
         assert not list(tmp_path.glob(".*"))  # no half a file
 
+    @pytest.mark.daily_every(2)
     @pytest.mark.parametrize("optimizer", ["nlopt:slsqp", "nlopt:cobyla"])
     def test_the_first_signal_stops_nlopt_between_evaluations_too(
         self, optimizer: str, tmp_path: Path
@@ -269,6 +274,7 @@ class TestSignals:
         assert stc.read(tmp_path / "a.npz").status == "interrupted"
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited so on Linux")
 @pytest.mark.parametrize("kilobytes", [400_000, 800_000])
 def test_too_little_memory_is_told_of(kilobytes: int, tmp_path: Path) -> None:

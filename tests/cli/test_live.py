@@ -17,7 +17,7 @@ from stc.validate.progress import listening, steps
 
 WORDS = [
     (["compare", "particle_waypoints", "--optimizers", "sqp,witkin-kass"], b"witkin-kass (2 of 2)"),
-    (["validate", "particle_waypoints", "--set", "n=2000"], b"inverse dynamics"),
+    (["validate", "particle_waypoints", "--set", "n=1000"], b"inverse dynamics"),
 ]
 
 
@@ -44,6 +44,7 @@ def test_what_is_done_is_told_on_a_terminal(words: list[str], told: bytes, tmp_p
     assert told in re.sub(rb"\x1b\[[0-9;?]*[A-Za-z]", b"", seen)  # without what positions and colours it
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("words", [words for words, _ in WORDS], ids=lambda words: words[0])
 def test_nothing_is_told_where_nobody_watches(words: list[str], tmp_path: Path) -> None:
     done = subprocess.run(

@@ -13,14 +13,12 @@ from stc.cli import model_starter
 from stc.cli.main import run
 from stc.validate import validate
 
-SLOW = pytest.mark.slow
-
 
 def test_a_model_is_listed_with_what_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    model = tmp_path / "wet.xml"
+    model = tmp_path / "sticky.xml"
     model.write_text(
-        """<mujoco><option density="1000"/><worldbody><body name="fish"><freejoint name="left/root"/>
-        <geom name="belly" size=".1"/></body></worldbody></mujoco>""",
+        """<mujoco><worldbody><body name="fish"><freejoint name="left/root"/>
+        <geom name="belly" size=".1" adhesion="1"/></body></worldbody></mujoco>""",
         encoding="utf-8",
     )
     assert run(["show", str(model)]) == 0
@@ -28,8 +26,8 @@ def test_a_model_is_listed_with_what_is_refused(tmp_path: Path, capsys: pytest.C
     assert 'joint."left/root" (free)' in shown
     assert "geom.belly (sphere)" in shown
     assert "cannot be stated:" in shown
-    assert "wet.xml:1" in shown
-    assert "without fluid" in shown
+    assert "sticky.xml:2" in shown
+    assert "without adhesion" in shown
 
 
 @pytest.mark.parametrize("model", ["arm.xml", pytest.param("quadruped.xml", marks=pytest.mark.nightly)])
@@ -116,7 +114,7 @@ def test_a_starter_of_a_leg_whose_file_draws_it_beyond_a_stop_solves(
 
 @pytest.mark.parametrize(
     "name",
-    ["hopper", pytest.param("ant", marks=SLOW), pytest.param("half_cheetah", marks=pytest.mark.nightly)],
+    ["hopper", *(pytest.param(n, marks=pytest.mark.nightly) for n in ("ant", "half_cheetah"))],
 )
 def test_a_starter_of_a_robot_of_others_stands_and_passes_validation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
@@ -220,7 +218,7 @@ _URDF_LEG = """<link name="{n}_hip"><inertial><mass value=".5"/><inertia ixx=".0
   <axis xyz="0 1 0"/><limit lower="-2.5" upper="-.5" effort="30" velocity="20"/></joint>"""
 
 
-@SLOW
+@pytest.mark.nightly
 def test_a_starter_of_a_urdf_with_legs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It stands, on a floor of its own, with knees bent that the drawn pose has outside of their ranges."""
     monkeypatch.chdir(tmp_path)
@@ -249,7 +247,7 @@ def test_words_for_what_is_added(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "did you mean `floor`?" in capsys.readouterr().err
 
 
-@SLOW
+@pytest.mark.nightly
 def test_wheels_of_a_starter_spec_roll(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     model = """<mujoco><option timestep="1e-4" integrator="RK4" impratio="10"/><worldbody>
@@ -296,7 +294,7 @@ _FRONT_WHEELS = "".join(
 _CASTER = '<geom name="caster" size=".02" pos=".15 0 -.03" mass=".1" condim="1" priority="1"/>'
 
 
-@SLOW
+@pytest.mark.nightly
 @pytest.mark.parametrize(("front", "wheels"), [(_FRONT_WHEELS, 4), (_CASTER, 2)])
 def test_a_starter_of_a_car_stands_on_its_wheels(
     front: str, wheels: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -101,6 +101,7 @@ def on_screen(columns: int, words: Sequence[str], folder: Path) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", seen.decode()).replace("\r\n", "\n")
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.needs("terminal")
 @pytest.mark.parametrize("columns", [40, 60, 80, 120])
 def test_tables_of_commands_lose_nothing(columns: int, tmp_path: Path) -> None:

@@ -54,6 +54,7 @@ SHOWING = [
 DONE = {"plot": "drawn", "render": "drawn", "export": "exported", "validate": "replayed"}
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("words", SHOWING)
 def test_a_motion_of_an_older_text_is_shown_with_a_note(words: list[str], solved: Stc) -> None:
     status, _, err = solved(*words)
@@ -69,6 +70,7 @@ def test_a_motion_of_an_older_text_is_shown_with_a_note(words: list[str], solved
 # ------------------------------------------------------------------ solves that failed
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     "words",
     [*SHOWING, pytest.param(["validate", "hop.npz", "--robustness", "--samples", "1"], id="validate")],
@@ -98,6 +100,7 @@ def test_a_page_that_is_not_written_is_told_of(command: str, stc_: Stc) -> None:
 # ------------------------------------------------------------------ files that are taken for others
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("command", ["solve", "run", "compare", "check"])
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
 def test_a_solution_is_no_spec_and_a_table_no_solution(command: str, suffix: str, stc_: Stc) -> None:

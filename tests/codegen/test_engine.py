@@ -63,20 +63,18 @@ def test_kept_code_runs_without_the_compiler() -> None:
 
 
 @pytest.mark.parametrize(
-    ("instructions", "x86", "fma", "width", "registers"),
+    ("instructions", "width", "registers"),
     [
-        ("avx2", True, True, 4, 16),
-        ("baseline", True, False, 4, 16),
-        ("avx512", True, True, 8, 32),
-        ("baseline", False, True, 4, 16),
+        ("avx2", 4, 16),
+        ("baseline", 4, 16),
+        ("avx512", 8, 32),
     ],
 )
 def test_what_instruction_sets_can_do(
-    instructions: str, x86: bool, fma: bool, width: int, registers: int, monkeypatch: pytest.MonkeyPatch
+    instructions: str, width: int, registers: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(library, "instructions", lambda: instructions)
-    monkeypatch.setattr(engine, "is_x86", lambda: x86)
-    assert (engine.has_fma(), engine.vector_width(), engine.vector_registers()) == (fma, width, registers)
+    assert (engine.vector_width(), engine.vector_registers()) == (width, registers)
 
 
 def test_a_compiler_that_cannot_be_loaded_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,13 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stc.codegen import engine, kernel
-from stc.codegen.fusion import find_fused
 from stc.codegen.interpreter import CHUNK, assemble
 from stc.codegen.kernel import LANES, Backend, compile_tapes
 from stc.codegen.runs import Runs
 from stc.codegen.tape import LOOKUPS, OPERATORS, Tape, build_tape
 from stc.core.library import library
-from stc.symbolic.expr import add, call, mul, num, sub, sym
+from stc.symbolic.expr import add, call, mul, num, sym
 
 pytestmark = pytest.mark.skipif(not engine.llvm_wanted(), reason="needs LLVM")
 
@@ -77,17 +76,6 @@ def test_runs_and_what_another_kernel_has_found(tape: Tape, blocks: int, seed: i
     assert np.array_equal(compiled, interpreted, equal_nan=True)
 
 
-def test_products_are_fused_where_nothing_else_needs_them() -> None:
-    x, y, z = sym("x"), sym("y"), sym("z")
-    tape = build_tape(
-        [sub(mul(x, y), z), sub(z, mul(x, z)), add(mul(y, z), call("sin", x))], [], ["x", "y", "z"]
-    )
-    kinds = {(one.negates_product, one.negates_other) for one in find_fused(tape).values()}
-    assert kinds == {(False, True), (True, False), (False, False)}
-    shared = mul(x, y)
-    assert not find_fused(build_tape([add(shared, z), shared], [], ["x", "y", "z"]))
-
-
 def test_rows_are_used_again() -> None:
     """A sum of many terms takes as many rows as its inputs, and a few."""
     keys = [("x", k) for k in range(50)]
@@ -95,7 +83,7 @@ def test_rows_are_used_again() -> None:
     for key in keys:
         total = add(total, call("exp", mul(sym(key), sym(key))))
     tape = build_tape([total], [], keys)
-    assert assemble(tape, Runs.alone(50), True).rows <= 4 * 50 + 4
+    assert assemble(tape, Runs.alone(50)).rows <= 4 * 50 + 4
 
 
 def test_machine_code_takes_over_in_prepared_calls() -> None:

@@ -37,13 +37,9 @@ def busy_tape() -> Tape:
 
 @pytest.mark.parametrize("registers", [1, 16, 32])
 @pytest.mark.parametrize("width", [4, 8])
-@pytest.mark.parametrize("fused", [True, False])
-def test_values_outlast_calls(
-    registers: int, width: int, fused: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_values_outlast_calls(registers: int, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "vector_registers", lambda: registers)
     monkeypatch.setattr(engine, "vector_width", lambda: width)
-    monkeypatch.setattr(engine, "has_fma", lambda: fused)
     tape, blocks = busy_tape(), 6
     workspace = np.random.default_rng(5).uniform(-0.9, 0.9, 2 * blocks * LANES + RUN - 1)
     index = np.arange(2 * blocks * LANES, dtype=np.int32).reshape(blocks, 2, LANES)

@@ -184,6 +184,7 @@ CASES = [
 ]
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(("name", "bound", "kind"), [(n, b, kind) for n, b, kinds in CASES for kind in kinds])
 def test_functions_of_one_argument(name: str, bound: float, kind: str, way: None) -> None:
     x = draw(kind)

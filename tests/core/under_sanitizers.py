@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 
 import numpy as np
+from solver.kkt.dense import DenseKKT
 from solver.kkt.kkt_problems import STRUCTURES, generic
 
 import stc
 from stc.core import library as core
-from stc.solver.kkt import DenseKKT, StructuredKKT
+from stc.solver.kkt import StructuredKKT
 
 
 def systems() -> None:

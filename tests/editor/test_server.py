@@ -286,6 +286,7 @@ constraints:
     edited(tmp_path / "repeated.stc", session)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_every_shipped_spec_is_without_mistakes(tmp_path: Path) -> None:
     (tmp_path / "particle_terrain.csv").write_bytes((specs_folder() / "particle_terrain.csv").read_bytes())

@@ -38,6 +38,7 @@ INSERTED = (
 )
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
 def test_nothing_that_is_typed_is_too_much(path: Path) -> None:

@@ -95,6 +95,7 @@ def test_a_swing_up_is_explained_by_its_effort_alone(tmp_path: Path) -> None:
     assert edited["joint.cart"][-1] == pytest.approx(0.5, abs=1e-8)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("noise", "precision"), [(0.0, 0.02), (5e-4, 0.1)])
 def test_known_weights_are_found(swing: Solution, noise: float, precision: float, tmp_path: Path) -> None:
@@ -125,6 +126,7 @@ def test_a_search_without_time_says_so_and_follows_the_recording(swing: Solution
     assert distance(found, swing, names) < 1e-3
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_stationarity_alone_finds_the_weights_of_a_motion_without_noise(
     swing: Solution, tmp_path: Path

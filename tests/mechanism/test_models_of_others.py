@@ -10,8 +10,7 @@ import pytest
 from mechanism_states import Compared, actuation, inverse, relative_error
 
 from stc import models
-from stc.mechanism.read import read_model
-from stc.mechanism.refusals import refusals, without
+from stc.mechanism.refusals import refusals
 
 
 def folder(package: str, below: str) -> Path | None:
@@ -43,7 +42,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def check(path: Path) -> None:
     both = Compared(path)
-    both.model.opt.density = both.model.opt.viscosity = 0.0
+    assert not refusals(both.mechanism)
     dyn, nv = both.dynamics, both.model.nv
     found = both.values([*dyn.inverse(), *dyn.passive_forces(), *dyn.actuation()])
     assert relative_error(found[:nv], both.in_mujoco(inverse)) < 1e-9
@@ -52,50 +51,29 @@ def check(path: Path) -> None:
     assert np.abs(found[2 * nv :] - acting).max() < 1e-9 * max(1.0, np.abs(acting).max())
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", models.names())
 def test_shipped_models(name: str) -> None:
     """Inverse dynamics, passive forces and actuation, to 1e-9 of the largest force at 1000 random states."""
     path = models.locate(name)
     assert path is not None
-    assert not refusals(read_model(path))
     check(path)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install '.[dev]'")
 @pytest.mark.parametrize("name", OF_GYMNASIUM)
 def test_models_of_gymnasium(name: str) -> None:
-    """As of the models that ship; the swimmer's fluid is left out on both sides."""
+    """As of the models that ship."""
     assert GYMNASIUM is not None
-    path = GYMNASIUM / f"{name}.xml"
-    refused = {refusal.kind for refusal in refusals(read_model(path))}
-    assert refused == ({"fluid"} if name == "swimmer" else set())
-    check(path)
+    check(GYMNASIUM / f"{name}.xml")
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.slow
 @pytest.mark.skipif(CONTROL is None, reason="dm_control is not installed (it has no wheels for this Python)")
 @pytest.mark.parametrize("name", OF_CONTROL)
 def test_models_of_dm_control(name: str) -> None:
-    """As of the models that ship; fluids are left out on both sides."""
+    """As of the models that ship."""
     assert CONTROL is not None
-    path = CONTROL / f"{name}.xml"
-    refused = {refusal.kind for refusal in refusals(read_model(path))}
-    assert refused == ({"fluid"} if name in ("fish", "swimmer") else set())
-    check(path)
-
-
-@pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install '.[dev]'")
-def test_fluid_is_refused_with_its_line() -> None:
-    """The message names what is in the way and where it stands; a word leaves it out."""
-    assert GYMNASIUM is not None
-    path = GYMNASIUM / "swimmer.xml"
-    model = read_model(path)
-    found = refusals(model)
-    assert [refusal.kind for refusal in found] == ["fluid", "fluid"]
-    assert found[0].place is not None
-    assert found[0].place.file == str(path)
-    assert "<option" in path.read_text().splitlines()[found[0].place.line - 1]
-    assert "density" in found[0].reason
-    left = without(model, ["fluid"])
-    assert not refusals(left)
-    assert left.left_out == {"fluid"}
+    check(CONTROL / f"{name}.xml")

@@ -28,7 +28,6 @@ def with_attribute(name: str, attributes: str) -> str:
 
 #: Of each kind a model, the element that is named, and a piece of its line.
 REFUSED = {
-    "fluid": (model(options='<option viscosity=".1"/>'), "option", "viscosity"),
     "muscles": (acting('<muscle name="m" joint="j" lengthrange="0 1"/>'), 'actuator "m"', "muscle"),
     "actuators": (
         acting('<pid name="m" joint="j" kp="1" slewmax="2"/>'),
@@ -131,7 +130,6 @@ def test_a_tendon_along_one_branch_may_have_armature() -> None:
 @pytest.mark.parametrize(
     ("flags", "rest"),
     [
-        ('<option density="1"><flag spring="disable" damper="disable"/></option>', ""),
         (
             '<option><flag actuation="disable"/></option>',
             '<actuator><muscle joint="j" lengthrange="0 1"/></actuator>',

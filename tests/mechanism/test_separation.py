@@ -83,6 +83,7 @@ def test_the_bound_is_below_the_distance_and_near_it(pair: tuple[str, str]) -> N
     assert fine.max() < 1e-3
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("pair", KINKED, ids="-".join)
 def test_the_best_direction_sees_the_distance(pair: tuple[str, str]) -> None:
     """The gap of any unit vector is at most the distance, that along the shortest way is the distance."""

@@ -8,6 +8,7 @@ from mechanism_models import TERMS as MODELS
 from mechanism_states import Compared, actuation, inverse, relative_error
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", MODELS)
 def test_forces_are_mujocos(name: str) -> None:
     """Inverse dynamics, passive forces and actuators' forces, to 1e-9 of the largest of each."""

@@ -39,6 +39,7 @@ objective: (x - 2)^2 + (y - 2)^2;  guess: x = 1; y = 1.2;
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_every_algorithm_finds_the_least_in_a_box(name: str) -> None:
     solution = stc.load(BOWL).solve(optimizer=f"nlopt:{name}", max_iterations=400)
@@ -50,6 +51,7 @@ def test_every_algorithm_finds_the_least_in_a_box(name: str) -> None:
     assert solution.optimizer == f"nlopt:{name}"
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     "name", ["slsqp", "auglag", "auglag:tnewton", "auglag:bobyqa", "auglag_eq", "cobyla", "isres"]
 )
@@ -61,6 +63,7 @@ def test_equations_and_inequalities(name: str) -> None:
     assert solution.row_multipliers == pytest.approx(reference.row_multipliers, rel=1e-4)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", ["slsqp", "auglag", "mma", "ccsaq", "cobyla", "isres", "ags"])
 def test_ranges_are_split(name: str) -> None:
     solution = stc.load(RANGE).solve(optimizer=f"nlopt:{name}", max_iterations=1000)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scaled_program import dense, evaluate
+from solver.kkt.dense import DenseKKT
 from symbolic_program import SymbolicProgram
 
 from stc.solver import Options, minimize
 from stc.solver.curvature import SecondOrder, leave_saddle
-from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import Workspace

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scaled_program import evaluate
+from solver.kkt.dense import DenseKKT
 from symbolic_program import INF, SymbolicProgram
 
 from stc.solver import Options, active_set
 from stc.solver.active_set import NEAR, Finish
 from stc.solver.constants import CONTRACTION
-from stc.solver.kkt import DenseKKT
 from stc.solver.monitor import Monitor
 from stc.solver.scaled_problem import ScaledProblem
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 import stc
 from stc.solver import Options, Start, minimize
-from stc.solver.kkt import DenseKKT
 
 
 def test_the_same_solve_again_finds_the_same() -> None:
@@ -66,22 +63,3 @@ def test_a_limit_leaves_the_program_as_good_as_new() -> None:
     wanted = minimize(bound)
     assert minimize(bound, Options(max_iterations=3)).status.value == "iteration_limit"
     np.testing.assert_allclose(minimize(bound).x, wanted.x, rtol=0.0, atol=1e-12)
-
-
-def test_a_factorisation_that_only_takes_copies_serves_as_well() -> None:
-    """All who work on one form write into the same arrays, also where the factorisation has none of its own."""
-
-    class Plain:
-        def __init__(self, *arguments: Any) -> None:
-            self._inner = DenseKKT(*arguments)
-
-        def __getattr__(self, name: str) -> Any:
-            if name not in ("factorize", "solve", "factorizations", "nnz_factor", "last_residual"):
-                raise AttributeError(name)
-            return getattr(self._inner, name)
-
-    problem, transcription = stc.load("particle_waypoints").transcription(n=12)
-    bound = transcription.bind(problem.constants)
-    own, plain = minimize(bound, new_kkt=DenseKKT), minimize(bound, new_kkt=Plain)
-    assert (plain.status, plain.iterations, plain.factorizations) == (own.status, 1, 1)
-    assert np.array_equal(plain.x, own.x)

@@ -65,6 +65,7 @@ def test_motions_do_not_depend_on_units(length: float, time: float) -> None:
     assert other.objective == pytest.approx(ordinary.objective * unit, rel=1e-5)
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("method", ["trapezoidal", "hermite-simpson"])
 @pytest.mark.parametrize(("far", "room"), [(1.0, 60), (1e3, 60), (1e6, 600), (1e6, 2000)])
 def test_squares_that_may_become_large(far: float, room: float, method: str) -> None:
@@ -121,6 +122,7 @@ def _program(seed: int, decades: float) -> tuple[Quadratic, float]:
     )
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("seed", range(30))
 @pytest.mark.parametrize("decades", [2.0, 4.0, 6.0])
 def test_quadratic_programs_do_not_depend_on_units(seed: int, decades: float) -> None:

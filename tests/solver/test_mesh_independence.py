@@ -37,6 +37,7 @@ objective: [n]: -m;
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("n", [2000, 3000])
 def test_many_bounds_do_not_add_up_to_another_optimum(n: int):
     """Each of ten thousand and more products of gap and multiplier may be small, and their sum not: it is what the

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from solver.kkt.dense import DenseKKT
 from symbolic_program import SymbolicProgram
 
 from stc.solver import Options
 from stc.solver.kkt import MultifrontalKKT
-from stc.solver.kkt.contract import NotFinite
-from stc.solver.kkt.dense import DenseKKT
+from stc.solver.kkt.contract import Inertia, NotFinite
 from stc.solver.newton_system import NewtonSystem, SingularSystem
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import Workspace
@@ -24,16 +24,15 @@ def test_factorisations_say_so(kind: type, value: float) -> None:
         kkt.factorize(np.array([value]), np.ones(1), np.zeros(1), np.zeros(1))
 
 
-class Overflowing:
+class Overflowing(DenseKKT):
     """Stands for a linear system whose values have overflowed."""
 
-    def factorize(self, *values: np.ndarray) -> None:
+    def refactor(self) -> Inertia:
         raise NotFinite("not finite")
 
 
 def test_a_newton_system_counts_as_singular() -> None:
     nlp = SymbolicProgram([0.5], lambda x: x[0] ** 2, lambda x: [(x[0] + 1.0, 2.0, 2.0)])
-    form = ScaledProblem(nlp, nlp.x0, Options(), DenseKKT)
-    form.kkt = Overflowing()
+    form = ScaledProblem(nlp, nlp.x0, Options(), Overflowing)
     with pytest.raises(SingularSystem):
         NewtonSystem(Workspace(form)).factorize(0.1)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from solver.kkt.dense import DenseKKT
 from symbolic_program import INF, SymbolicProgram
 
 from stc.solver import Options
 from stc.solver.constants import EXACT
-from stc.solver.kkt import DenseKKT
 from stc.solver.projection import ProjectionPair
 from stc.solver.scaled_problem import ScaledProblem
 from stc.symbolic.expr import call

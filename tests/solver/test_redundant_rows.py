@@ -27,6 +27,7 @@ def spec(rule: str, again: str) -> str:
     """
 
 
+@pytest.mark.daily_every(5)
 @pytest.mark.parametrize("rule", ["central", "trapezoidal", "hermite-simpson"])
 @pytest.mark.parametrize("again", AGAIN.values(), ids=AGAIN.keys())
 @pytest.mark.parametrize("n", [40, 60, 100, 200])

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from quadratic_program import Quadratic
 from scipy.optimize import linprog
+from solver.kkt.dense import DenseKKT
 from symbolic_program import SymbolicProgram
 
 import stc
 from stc.solver import Options, minimize
-from stc.solver.kkt import DenseKKT
 from stc.solver.scaled_problem import ScaledProblem
 
 #: A smooth path in a tube, and the path of least total variation in it.
@@ -106,6 +106,7 @@ def _shifted(seed: int, by: float) -> Quadratic:
     return program
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("by", [1e5, 3e5])
 def test_quadratic_programs_do_not_depend_on_the_origin(seed: int, by: float) -> None:

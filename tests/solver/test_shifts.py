@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scaled_program import evaluate
+from solver.kkt.dense import DenseKKT
 from symbolic_program import SymbolicProgram
 
 from stc.core.functions import function
 from stc.solver import Options, Start, minimize
-from stc.solver.kkt import DenseKKT
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import Workspace

@@ -186,7 +186,7 @@ def test_undefined_start() -> None:
 
 
 def test_every_factorisation_is_counted() -> None:
-    from stc.solver.kkt import DenseKKT
+    from solver.kkt.dense import DenseKKT
 
     made: list[DenseKKT] = []
 

@@ -19,6 +19,7 @@ objective: [0, n]: integral(f^2);
 LIMITS = "-8*m*d <= f <= 8*m*d; x' <= 1.7*d;"
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["trapezoidal", "hermite-simpson"])
 @pytest.mark.parametrize("limits", ["", LIMITS], ids=["free", "limited"])
 @pytest.mark.parametrize(("m", "d"), [(1.0, 1.0), (3e4, 1.0), (1e6, 1.0), (1e3, 1e3), (1.0, 1e6), (1e3, 1e6)])

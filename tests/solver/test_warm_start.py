@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from solver.kkt.dense import DenseKKT
 
 from stc.solver import Options, Start, minimize
-from stc.solver.kkt.dense import DenseKKT
 from stc.solver.primal_dual import measure
 from stc.solver.quadratic import ActiveSet, QuadraticProgram
 from stc.solver.scaled_problem import ScaledProblem

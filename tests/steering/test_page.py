@@ -82,6 +82,7 @@ class Shown:
             time.sleep(0.02)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
 def test_a_drag_is_followed_undone_and_written(tmp_path, width, height):
     file = tmp_path / "bow.stc"

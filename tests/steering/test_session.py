@@ -162,7 +162,7 @@ def test_a_drag_that_is_told_again_while_it_is_worked_on_goes_on(session):
     assert not poses.can_undo
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_standing_quadruped_is_dragged_and_its_feet_stay(session):
     hop = session("quadruped_hop")
     keys = {h.label: h.key for h in hop.handles.values()}

@@ -38,6 +38,7 @@ def _feasible(matrix: np.ndarray, rhs: np.ndarray, which: tuple[int, ...]) -> bo
     return bool(answer.status == 0)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("seed", range(12))
 def test_conflicts_of_linear_inequalities_are_irreducible(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -151,6 +152,7 @@ method: trapezoidal;
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("umax", [0.1, 0.3])
 def test_statements_that_a_motion_at_rest_meets_are_not_called_a_conflict(umax: float) -> None:
     model = stc.load(SWING_UP)

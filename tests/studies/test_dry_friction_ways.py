@@ -42,6 +42,7 @@ def judged(
     return certify(stc.load(folder / "block.stc").solve(), equations=True)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
 def test_friction_against_the_motion_is_right(tmp_path: Path, method: str) -> None:
     for motion, friction in ((FORWARDS, "- F"), (BACKWARDS, "+ F")):
@@ -49,6 +50,7 @@ def test_friction_against_the_motion_is_right(tmp_path: Path, method: str) -> No
         assert certificate.passed, certificate.headline
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("motion", "friction", "values"),
     [
@@ -67,6 +69,7 @@ def test_friction_with_the_motion_or_none_is_named(
     assert not any("equations are right" in step for step in certificate.next_steps)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("friction", "words"),
     [
@@ -97,6 +100,7 @@ def test_friction_that_turns_with_the_motion_is_right(tmp_path: Path) -> None:
     assert certificate.passed, certificate.headline
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(("share", "good"), [(1, True), (0.9, False)])
 def test_friction_against_any_velocity_is_compared_with_that(
     tmp_path: Path, share: float, good: bool

@@ -64,10 +64,11 @@ def check(text: str, **constants: float) -> EquationReport:
 
 
 @pytest.mark.parametrize("name", MODELLED)
-def test_bundled_specs_state_their_models_equations(name: str) -> None:
-    report = check_equations(load(name).problem())
+@pytest.mark.parametrize("states", [100, pytest.param(1000, marks=pytest.mark.nightly)])
+def test_bundled_specs_state_their_models_equations(name: str, states: int) -> None:
+    report = check_equations(load(name).problem(), states=states)
     assert report.passed, report.findings
-    assert report.states == 1000
+    assert report.states == states
     assert max(metric.value for metric in report.metrics) < 1e-13
 
 
@@ -299,6 +300,7 @@ def judge(mutants: list[Mutant]) -> None:
         assert not mutant.matters or named_right(mutant, report), (mutant.what, report.findings)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", [name for name in MODELLED if name not in SIMILAR])
 def test_planted_mistakes_are_caught(name: str) -> None:
     model = load(name)
@@ -316,7 +318,9 @@ def test_every_planted_mistake_is_caught(name: str) -> None:
     judge([*in_rows(problem), *in_text(model.source, problem)])
 
 
-@pytest.mark.parametrize("name", ["arm_reach_by_hand", "cart_pole_swing_up"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("arm_reach_by_hand", marks=pytest.mark.nightly), "cart_pole_swing_up"]
+)
 def test_the_joint_and_kind_that_a_mistake_is_in_are_named(name: str) -> None:
     """A change of one row of a balance of forces stays in that joint's row."""
     problem = load(name).problem()
@@ -331,6 +335,7 @@ def test_the_joint_and_kind_that_a_mistake_is_in_are_named(name: str) -> None:
             assert report.findings[0].startswith(f"joint {joints[rows.index(row)]}: "), mutant.what
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.nightly if n in SIMILAR else ()) for n in MODELLED]
 )

@@ -60,6 +60,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_is_named(tmp_path: Path, fault: str) -> None:
     right, wrong, words = FAULTS[fault]

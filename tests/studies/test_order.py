@@ -37,6 +37,7 @@ def spec(more: str = "", objective: str = "integral(fx^2 + fy^2 + 40*x^2*y^2)", 
     return load(text)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("name", "method", "least"),
     [

@@ -249,6 +249,7 @@ def test_a_solve_that_fails_ends_the_loop_with_the_last_good_solution():
     assert result.solution.n == 20
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("spec", "method", "tolerance"),
     [
@@ -329,6 +330,7 @@ method: hermite-simpson;
 """
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize(("m2", "most", "guess"), [(1.1, 9, 5), (0.9, 7, 6), (1, 10, 4)])
 def test_a_motion_that_only_a_coarse_grid_has_is_no_guess(m2, most, guess) -> None:
     """An acrobot on 40 frames swings up for a fraction of the effort that it takes; finer grids know better."""
@@ -346,6 +348,7 @@ def test_a_motion_that_only_a_coarse_grid_has_is_no_guess(m2, most, guess) -> No
     assert found.solution.objective <= min(sound) * 1.02
 
 
+@pytest.mark.nightly
 def test_a_flat_valley_is_followed_to_its_end() -> None:
     """On 400 frames an optimum of the grid's own lies in a valley along which the cost falls by 0.06 %, at 348.75.
 

@@ -26,6 +26,7 @@ objective: [0, n]: integral(effort);
 """
 
 
+@pytest.mark.daily_every(4)
 @pytest.mark.parametrize("name", stc.specs.names())
 def test_every_shipped_motion_can_have_twice_the_frames(name: str) -> None:
     spread = Spread.of(stc.load(name), None, {})

@@ -18,6 +18,7 @@ def largest(report, name):
     return max(metric.value for metric in report.metrics if metric.name == f"{name} drift, largest")
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(("name", "drift"), [("arm_reach", 1e-8), ("luxo_poses", 1e-7)])
 def test_a_stable_motion_is_verified_open_loop(name, drift):
     found = solve_until_verified(stc.load(name), drift)
@@ -101,7 +102,7 @@ def test_what_cannot_be_verified_is_refused():
         solve_until_verified(stc.load("constants: n = 4; variables: x; objective: integral(x''^2);"), 1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_on_the_ground_the_solved_contact_forces_judge():
     found = solve_until_verified(stc.load("luxo_jump"), 1e-3)
     assert found.verified and len(found.rounds) == 1

@@ -111,6 +111,7 @@ def works(process: int) -> bool:
     return b"spawn_main" in words or b"ray::PoolActor" in words
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_two_processes_find_what_one_finds() -> None:
     model = stc.load("cart_pole_swing_up", n=20)

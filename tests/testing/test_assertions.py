@@ -31,6 +31,7 @@ def test_a_true_spec_passes_all_three(solve_spec: Callable[..., Solution]) -> No
     assert assert_equations("arm_reach", states=50).passed
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize(
     ("old", "new", "joint", "term"),
     [
@@ -83,7 +84,10 @@ def test_limits_can_be_set_by_name(solve_spec: Callable[..., Solution]) -> None:
         assert_physical(solution, limits={"open-loop drift": float("nan")})
 
 
-def test_certificates_are_kept(tmp_path: Path, solve_spec: Callable[..., Solution]) -> None:
+def test_certificates_are_kept(
+    tmp_path: Path, solve_spec: Callable[..., Solution], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "off")  # without the film
     keep_certificates(tmp_path / "pages")
     try:
         assert_physical(solve_spec("particle_waypoints"))

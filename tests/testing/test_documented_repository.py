@@ -32,6 +32,7 @@ def run(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_its_tests_pass_and_leave_certificates(tmp_path: Path) -> None:
     build(tmp_path)

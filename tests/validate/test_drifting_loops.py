@@ -71,6 +71,7 @@ def opened(certificate):
     return max(m.value for m in certificate.metrics if m.name.startswith("equality broken"))
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(("n", "D"), [(30, 1.4), (60, 1.5)])
 def test_a_loop_stated_by_accelerations_is_told_to_drift_and_the_advice_closes_it(judged, n, D):
     certificate = judged(n=n, D=D)
@@ -105,6 +106,7 @@ def test_a_loop_stated_by_velocities_drifts_as_well(judged):
     assert "drifts open" in certificate.headline
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize(
     "lines", ["joint b = b; joint c = -c", "joint b = 1.1*b; joint c = c", "joint b = b + 0.3; joint c = c"]
 )

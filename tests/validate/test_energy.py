@@ -80,6 +80,7 @@ def free_flight(method: str, n: int = 24, g: float = 9.8) -> Solution:
     return smooth_particle(method, time, x, y, m=0.6, g=g)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
 @pytest.mark.parametrize("g", [9.8, 0.0])
 def test_a_motion_without_work_closes_its_books(method: str, g: float) -> None:
@@ -93,6 +94,7 @@ def test_a_motion_without_work_closes_its_books(method: str, g: float) -> None:
     assert validate(solution).passed
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
 def test_standing_still_closes_the_books(method: str, tmp_path: Path) -> None:
     angle = held(0.4)
@@ -112,6 +114,7 @@ replay:
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
 @pytest.mark.parametrize("missing", ["", 'damping="0.05"', 'stiffness="2"'])
 def test_a_free_pendulum_passes_and_one_with_a_term_missing_does_not(

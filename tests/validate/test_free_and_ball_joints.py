@@ -125,10 +125,11 @@ def test_each_step_by_itself_is_compared_by_angles(tmp_path: Path) -> None:
     assert errors.max() < 1e-6
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("make", [tumbling_box, ball_pendulum])
 def test_steps_err_by_their_fourth_power(tmp_path: Path, make: object) -> None:
     drifts = []
-    for n in (20, 40):
+    for n in (10, 20):
         solution = make(tmp_path, n)  # type: ignore[operator]
         setup = open_setup(solution)
         shares = np.array([0.3])
@@ -140,6 +141,7 @@ def test_steps_err_by_their_fourth_power(tmp_path: Path, make: object) -> None:
     assert drifts[0] / drifts[1] > 2**3.3
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize(
     ("make", "right", "wrong", "named"),
     [

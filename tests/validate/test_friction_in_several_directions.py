@@ -32,6 +32,7 @@ def rows(certificate: Certificate, name: str) -> list[Metric]:
     return [metric for metric in certificate.metrics if metric.name.startswith(name)]
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("along", ["x", "y"])
 @pytest.mark.parametrize("first", ["0.1", "0.5"])
 def test_each_direction_has_its_friction(tmp_path: Path, first: str, along: str) -> None:

@@ -56,6 +56,7 @@ def row(certificate: Certificate, name: str) -> Metric:
     return next(metric for metric in certificate.metrics if metric.name.startswith(name))
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
 @pytest.mark.parametrize(("spec", "T", "way"), [(CREEP, 1, 0.004), (PUSHED, 0.2, 0.38 / 4 * 0.2**2)])
 def test_a_body_does_not_slide_without_its_friction(
@@ -77,6 +78,7 @@ def test_a_body_does_not_slide_without_its_friction(
     assert step.endswith(f"body b has {stated:.3g} times its normal force, its contacts have 0.4")
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(("method", "n"), [("hermite-simpson", 10), ("trapezoidal", 10), ("trapezoidal", 40)])
 def test_a_body_that_brakes_by_friction_slides_rightly(tmp_path: Path, method: str, n: int) -> None:
     """The law is stated up to the frame before the stop: the last step has it in the mean."""
@@ -119,6 +121,7 @@ LIFT = (
 )
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("spec", "method", "share"), [(PULLS, "hermite-simpson", 1 / 5), (LIFT, "trapezoidal", 0.1 / 0.5)]
 )
@@ -150,6 +153,7 @@ ROLLS = (
 )
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("slip", [1.0, 1.05])
 def test_a_wheel_rolls_and_does_not_slide(tmp_path: Path, slip: float) -> None:
     """Its contact point stands still, so that less than the whole friction holds it; one that slips has all of it."""

@@ -59,6 +59,7 @@ def test_a_torque_that_no_floor_gives_is_found(tmp_path: Path) -> None:
     assert not report.passed
 
 
+@pytest.mark.nightly
 def test_until_verified_does_not_believe_it_either(tmp_path: Path) -> None:
     found = solve_until_verified(stc.load(ball(tmp_path, 0.01)), 1e-3)
     assert not found.verified

@@ -74,6 +74,7 @@ def values(report: Report, name: str) -> list[float]:
     return [metric.value for metric in report.metrics if metric.name.startswith(name)]
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
 def test_true_torques_leave_no_residual(tmp_path: Path, method: str) -> None:
     """The floor cuts through the swing: contacts take no part in the residual."""
@@ -162,6 +163,7 @@ GEAR = """
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("model", "ratios", "inertia", "moment"),
     [

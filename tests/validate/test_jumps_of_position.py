@@ -59,6 +59,7 @@ def test_rounding_is_no_jump(jump: float) -> None:
     assert any(m.name == "jump of position" for m in report.metrics) == (jump != 0.0)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("joint", "at", "jump", "passes"),
     [

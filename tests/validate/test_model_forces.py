@@ -93,6 +93,7 @@ replay: model = "lift.xml"; joint z = z; actuator f = f;
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("by_actuator", ["true", "false"])
 @pytest.mark.parametrize("share", [1.0, 0.4])
 def test_compensated_gravity_stands_in_the_books_once(tmp_path: Path, share: float, by_actuator: str) -> None:

@@ -54,6 +54,7 @@ def motion() -> Solution:
     return stc.load("particle_waypoints", n=20).solve()
 
 
+@pytest.mark.daily_every(4)
 @pytest.mark.parametrize(
     ("before", "asked", "told"),
     [

@@ -33,6 +33,7 @@ def pushed(*lines: str) -> Solution:
     return solution
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     "lines",
     [

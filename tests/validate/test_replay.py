@@ -24,6 +24,7 @@ def largest_drift(solution: Solution, **options: object) -> float:
     return max(metric.value for metric in report.metrics if metric.name == "open-loop drift, largest")
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("g", [0.0, 1.62, 9.8])
 @pytest.mark.parametrize("m", [1.0, 3.0])
 def test_the_waypoint_spline_is_reproduced_under_every_gravity_and_mass(g: float, m: float) -> None:
@@ -83,6 +84,7 @@ def bang_bang(method: str, share: float) -> Solution:
     return particle(method, time, [position, velocity, acceleration], [still] * 3)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.7])
 @pytest.mark.parametrize("method", ["trapezoidal", "hermite-simpson"])
 def test_at_a_jump_each_side_has_its_own_force(method: str, share: float) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stc
+from stc.solution import Solution
 from stc.validate import Metric, Report, validate
 from stc.validate.contact_forces import windows_of
 from stc.validate.contact_meter import ContactMeter
@@ -33,13 +34,17 @@ LINES = "actuator f = f; apply body.b.fx = w;" + CONTACT
 
 
 def judged(folder: Path, spec: str, lines: str = LINES, **parts: object) -> Report:
+    return validate(solved(folder, spec, lines, **parts))
+
+
+def solved(folder: Path, spec: str, lines: str = LINES, **parts: object) -> Solution:
     usual = {"floor": 0, "friction": 0.5, "condim": 3, "damping": 1, "turn": "", "motor": "x", "wall": ""}
     parts = usual | {"before": "", "after": ""} | parts
     (folder / "block.xml").write_text(MODEL.format(**parts))
     (folder / "block.stc").write_text(
         f'{spec} replay: model = "block.xml"; joint x = x; joint z = z; {lines}'
     )
-    return validate(stc.load(folder / "block.stc").solve())
+    return stc.load(folder / "block.stc").solve()
 
 
 HEAD = "constants: n = 100, T = {time}, h = T/n, m = 2, g = 9.81; method: hermite-simpson;"
@@ -70,8 +75,8 @@ def test_a_block_brakes_by_friction(tmp_path: Path, friction: float, passes: boo
 
 def test_the_meter_finds_the_momentum_that_a_block_loses(tmp_path: Path) -> None:
     """Whatever the contacts do within a step: the integrator changes momentum by their impulses and gravity's."""
-    judged(tmp_path, ALONG.format(time=0.4, motor=0, wind=0, rest="F = -0.5*N", start=0, speed=3))
-    setup = open_setup(stc.load(tmp_path / "block.stc").solve())
+    spec = ALONG.format(time=0.4, motor=0, wind=0, rest="F = -0.5*N", start=0, speed=3)
+    setup = open_setup(solved(tmp_path, spec))
     meter = ContactMeter(setup)
     motion = replay(setup, 5e-4, meter=meter)
     (impulses,) = meter.impulses.values()
@@ -91,6 +96,7 @@ def test_windows_give_the_mean_of_a_steady_force(slides: bool) -> None:
     assert len(windows) > 80 and not across.any()
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(("gap", "passes"), [(0.0, True), (0.05, False), (0.008, False), (-0.02, False)])
 def test_a_long_way_excuses_no_gap_under_a_block(tmp_path: Path, gap: float, passes: bool) -> None:
     """It goes 100 m without friction while the floor lies lower or higher than the block's sole."""
@@ -104,6 +110,7 @@ def test_a_long_way_excuses_no_gap_under_a_block(tmp_path: Path, gap: float, pas
 WALL = '<geom type="box" size="0.05 1 1" pos="{0!r} 0 0.5" condim="1" solref="0.001 3" priority="2"/>'
 
 
+@pytest.mark.daily_every(5)
 @pytest.mark.parametrize("start", [0.0, 0.3])
 @pytest.mark.parametrize("off", [0.0, 1e-15, -1e-15, 1e-6])
 def test_rounding_decides_nothing_in_a_corner(tmp_path: Path, start: float, off: float) -> None:
@@ -127,6 +134,7 @@ def test_a_wall_pulls_nothing(tmp_path: Path) -> None:
     assert not report.passed
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("wind", [1, 5])
 def test_an_idle_motor_on_a_joint_that_friction_holds(tmp_path: Path, wind: float) -> None:
     """Feedback answers the creep of soft contacts with next to nothing of what the friction gives."""
@@ -136,6 +144,7 @@ def test_an_idle_motor_on_a_joint_that_friction_holds(tmp_path: Path, wind: floa
     assert share.value < 0.05 and report.passed, failed(report)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("push", ["5*t", "15*t"])
 def test_a_shoe_that_is_welded_on_counts_as_the_foot(tmp_path: Path, push: str) -> None:
     spec = ALONG.format(time=1, motor=push, wind=0, rest="x'' = 0", start=0, speed=0)
@@ -155,6 +164,7 @@ TIP = (
 )
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("speed", [0, 2])
 @pytest.mark.parametrize("share", [0.99, 1.02, 1.15])
 def test_the_centre_of_pressure_stays_on_the_sole(tmp_path: Path, share: float, speed: float) -> None:
@@ -177,6 +187,7 @@ def test_friction_on_a_joint_has_its_limit_too(tmp_path: Path, push: str, passes
     assert (beyond.verdict == "pass") is passes
 
 
+@pytest.mark.nightly
 def test_a_motor_that_pulls_a_sliding_block(tmp_path: Path) -> None:
     """Feedback answers every bounce, now this way, now that way; in the mean it has nothing to give."""
     spec = ALONG.format(time=1, motor="12", wind=0, rest="F = -0.5*N", start=0, speed=1)

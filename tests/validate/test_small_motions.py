@@ -30,6 +30,7 @@ replay: model = "small.xml"; joint x = x; {line} = f;
 """
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("line", ["apply joint.x", "actuator f"])
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal"])
 @pytest.mark.parametrize("way", [2e-3, 1.0])

@@ -113,6 +113,7 @@ def test_a_cart_that_reckons_with_its_bob_passes(tmp_path: Path) -> None:
     assert value(report, "energy balance") < 1e-4
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
 def test_a_speck_does_not_hide_a_wrong_mass(tmp_path: Path, method: str) -> None:
     """It is the share of the largest force that it is without the speck."""

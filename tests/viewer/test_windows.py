@@ -138,7 +138,7 @@ def resident(process):
     return int(Path(f"/proc/{process.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads Linux' table of memory")
 def test_floods_leave_the_page_and_bound_the_memory(saved, tmp_path):
     """Websockets that take nothing, connections that say nothing, and files that nobody reads, hundreds of each."""
@@ -177,7 +177,7 @@ def test_another_address_is_warned_of(saved, tmp_path):
     assert "served on 0.0.0.0, without any authentication" in viewing.log.read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not CHROMIUM, reason="there is no Chromium (Debian, Ubuntu: apt install chromium)")
 def test_the_motion_is_seen_in_a_browser(saved, tmp_path):
     from PIL import Image
@@ -257,7 +257,7 @@ def test_the_motion_is_seen_in_a_window(saved, tmp_path, display):
     assert viewing.process.returncode == 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_watched_solve_is_saved_when_it_is_stopped(tmp_path, display):
     from stc.solution import read
 

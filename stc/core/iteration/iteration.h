@@ -54,7 +54,7 @@ typedef API_STRUCT {
     double *values_status, *derivatives_status; /* 0 where all are finite, (1) */
 } evaluation;
 
-/* The arrays of a KKT system: see AttachedKKT in stc/solver/kkt/contract.py. */
+/* The arrays of a KKT system: see KKTSystem in stc/solver/kkt/contract.py. */
 typedef API_STRUCT {
     double *hess, *jac, *primal, *dual, *rhs, *second_rhs, *solution, *second_solution;
     const double *report;

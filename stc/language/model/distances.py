@@ -192,7 +192,7 @@ class Distances:
                     )
 
     def guesses(self, where: FrameRange, span: Span) -> Iterator[Guess]:
-        """Directions between approximate nearest points of the guess."""
+        """Guesses of the unknown directions: along the lines between the points that are about nearest in the guess."""
         for pair in self.stated.values():
             direction = pair.apart.direction()
             for name, body in zip(pair.direction, direction, strict=True):

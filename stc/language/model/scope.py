@@ -425,7 +425,17 @@ def _symbols(names: Iterable[str]) -> list[Expr]:
 
 
 #: Fields whose numbers stay inputs of the compiled program where they are not zero.
-_INPUTS = ("mass", "inertia", "damping", "armature", "stiffness", "gear", "gravity")
+_INPUTS = (
+    "mass",
+    "inertia",
+    "damping",
+    "armature",
+    "stiffness",
+    "gear",
+    "gravity",
+    "density",
+    "viscosity",
+)
 
 
 def _is_input(path: SettingPath) -> bool:

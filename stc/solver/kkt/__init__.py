@@ -1,12 +1,14 @@
-"""Factorisations of the KKT system: the structured one, and a dense one to judge it by."""
+"""Factorisations of the KKT system."""
 
 from __future__ import annotations
 
-from stc.solver.kkt.contract import AttachedKKT, Inertia, KKTSystem
-from stc.solver.kkt.dense import DenseKKT
+from collections.abc import Callable
+from typing import cast
+
+from stc.solver.kkt.contract import Inertia, KKTSystem
 from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.reuse import StructuredKKT
 
-__all__ = ["AttachedKKT", "DenseKKT", "Inertia", "KKTSystem", "MultifrontalKKT", "structured_kkt"]
+__all__ = ["Inertia", "KKTSystem", "MultifrontalKKT", "structured_kkt"]
 
-structured_kkt = StructuredKKT
+structured_kkt = cast("Callable[..., KKTSystem]", StructuredKKT)

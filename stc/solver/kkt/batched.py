@@ -17,9 +17,9 @@ from stc.codegen.threads import parallel, record
 from stc.core.calls import Bound, CallTable
 from stc.core.functions import function
 from stc.core.structures import structure
-from stc.solver.kkt.contract import FINE, Inertia, check_ended
+from stc.solver.kkt.contract import FINE, Inertia, KKTSystem, check_ended
 from stc.solver.kkt.couplings import Couplings
-from stc.solver.kkt.entries import Arrays, ByCopies
+from stc.solver.kkt.entries import Arrays
 from stc.solver.kkt.multifrontal import DOUBTFUL, MultifrontalKKT
 from stc.solver.kkt.seams import kind_of, sew
 from stc.solver.kkt.segment_tables import tables_of
@@ -32,10 +32,10 @@ PHASES = ELIMINATE, FORWARD, BACKWARD, RETURN = 0, 1, 2, 3
 REST, REST_SOLVE, WHOLE_SOLVE, CALLS = 4, 5, 7, 9
 
 
-class BatchedKKT(ByCopies):
+class BatchedKKT(KKTSystem):
     """Sparse LDL^T of segments in vector lanes and of the rest by ``MultifrontalKKT``.
 
-    See ``AttachedKKT`` for the members.
+    See ``KKTSystem`` for the members.
     """
 
     def __init__(self, couplings: Couplings, stage: NDArray[np.int64], found: Segmentation) -> None:
@@ -44,12 +44,7 @@ class BatchedKKT(ByCopies):
         sewn = sew(couplings, found, kinds)
         self._couplings, self._stage = couplings, stage
         self._arrays = a = Arrays.of(couplings, sewn.added, (1.0, -1.0))
-        self.hess, self.jac, self.primal, self.dual = a.hess, a.jac, a.primal, a.dual
-        self.rhs, self.solution, self.second_rhs, self.second_solution = (
-            vector[: couplings.size] for vector in (a.rhs, a.solution, a.second_rhs, a.second_solution)
-        )
-        self.report, self.accuracy = a.report, a.accuracy
-        self.inertia = np.zeros(3, dtype=np.int64)
+        a.give_to(self)
         tables, left = tables_of(couplings, found, kinds, sewn, one=a.given.size - 2)
         own = Arrays.of(left.couplings)
         self._rest = MultifrontalKKT.of_couplings(left.couplings, sewn.stage[left.unknowns], own, part=True)
@@ -95,7 +90,7 @@ class BatchedKKT(ByCopies):
         self.trust_small_pivots(False)
 
     def trust_small_pivots(self, trusted: bool) -> None:
-        """See ``AttachedKKT.trust_small_pivots``."""
+        """See ``KKTSystem.trust_small_pivots``."""
         self._trusts_small_pivots = trusted
         self._rest.trust_small_pivots(trusted)
         if self._whole is not None:
@@ -136,11 +131,11 @@ class BatchedKKT(ByCopies):
 
     @property
     def attempt_call(self) -> Bound | None:
-        """See ``AttachedKKT.attempt_call``."""
+        """See ``KKTSystem.attempt_call``."""
         return self._refactor if self._factorized else None
 
     def refactor(self) -> Inertia:
-        """See ``AttachedKKT.refactor``."""
+        """See ``KKTSystem.refactor``."""
         self._factorized = False
         ended = self._refactor()
         if ended:
@@ -149,7 +144,7 @@ class BatchedKKT(ByCopies):
         return Inertia(*self.inertia.tolist())
 
     def resume(self, ended: int) -> Inertia:
-        """See ``AttachedKKT.resume``."""
+        """See ``KKTSystem.resume``."""
         self._factorized = False
         check_ended(ended)
         self._counted += 1
@@ -167,7 +162,7 @@ class BatchedKKT(ByCopies):
         return inertia
 
     def check_solution(self) -> bool:
-        """See ``AttachedKKT.check_solution``."""
+        """See ``KKTSystem.check_solution``."""
         repeated = False
         if not self._batch.use and self.report[0] > DOUBTFUL:
             self._counted += 1

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.couplings import Couplings
-from stc.solver.kkt.levels import narrower_stages
 from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.segments import find_segments, number_stages
 from stc.solver.nlp import Ints
@@ -31,9 +30,6 @@ def new_system(
     couplings = Couplings.of(*pattern)
     stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
     numbered = number_stages(couplings, stage, held)
-    narrower = narrower_stages(couplings, numbered) if numbered is not None else None
-    if narrower is not None:
-        stage, numbered = narrower, number_stages(couplings, narrower, held)
     found = find_segments(numbered) if numbered is not None else None
     if found is not None:
         return BatchedKKT(couplings, stage, found)

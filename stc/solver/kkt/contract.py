@@ -8,7 +8,8 @@ The sparsity of H (lower triangle) and J is given once, the values again at ever
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from stc.core.calls import Bound
 from stc.solver.nlp import Floats
 
-__all__ = ["COARSE", "FINE", "REPORT", "AttachedKKT", "Inertia", "KKTSystem", "NotFinite", "check_ended"]
+__all__ = ["COARSE", "FINE", "REPORT", "Inertia", "KKTSystem", "NotFinite", "check_ended"]
 
 #: The relative residual that iterative refinement aims at, and one that is enough for a step far from a solution, or
 #: for one that is corrected.
@@ -53,7 +54,7 @@ class Inertia(NamedTuple):
     zero: int
 
 
-class KKTSystem(Protocol):
+class KKTSystem(ABC):
     """A factorisation of K for one sparsity and many values.
 
     Implementations are built with
@@ -61,19 +62,116 @@ class KKTSystem(Protocol):
     column of each entry of J, (nnz_J,), and of the lower triangle of H, (nnz_H,), every entry once; the elimination
     group of each variable, (n,), and row, (m,), groups being eliminated in increasing order; and which variables
     never move, (n,), their entries of J and H being zero: none when left out.
+
+    Callers write into its arrays and read from them, without copies:
+
+        kkt.hess[:] = ...; kkt.jac[:] = ...; kkt.primal[:] = ...; kkt.dual[:] = ...
+        inertia = kkt.refactor()
+        kkt.rhs[:] = ...
+        kkt.solve_call()           # one call of machine code, which can be part of a chain
+        kkt.check_solution()
+        kkt.solution               # dx, dy
+
+    ``factorize`` and ``solve`` do so with what they are given.
+
+    Attributes:
+        hess, jac, primal, dual: values of H (nnz_H,), J (nnz_J,), p (n,) and d (m,). All arrays stay the same objects
+            as long as the system lives.
+        rhs, solution: what to solve for, and what ``solve_call`` found, (n + m,).
+        second_rhs, second_solution: the same for what else ``solve_both_call`` solves for.
+        report: what solves tell: ``report[0]`` is the relative residual (see ``last_residual``).
+        accuracy: the relative residual that solves are content with, (1,): ``FINE`` after each factorisation.
+        inertia: what ``attempt_call`` found, (3,).
+        factorizations: how many matrices have been factorised so far.
+        nnz_factor: entries stored for the last factorisation.
+        last_residual: ``|K s - b| / (|K| |s| + |b|)`` of the last solve, in the maximum norm and row by row scaling
+            of K.
     """
 
-    @property
-    def factorizations(self) -> int:
-        """How many matrices have been factorised so far."""
+    hess: Floats
+    jac: Floats
+    primal: Floats
+    dual: Floats
+    rhs: Floats
+    solution: Floats
+    second_rhs: Floats
+    second_solution: Floats
+    report: Floats
+    accuracy: Floats
+    inertia: NDArray[np.int64]
+    _factorized: bool
+    _solve: Bound
+    _solve_both: Bound
 
     @property
-    def nnz_factor(self) -> int:
-        """Entries stored for the last factorisation."""
+    @abstractmethod
+    def factorizations(self) -> int: ...
 
     @property
-    def last_residual(self) -> float:
-        """``|K s - b| / (|K| |s| + |b|)`` of the last solve, in the maximum norm and row by row scaling of K."""
+    @abstractmethod
+    def nnz_factor(self) -> int: ...
+
+    last_residual: float
+
+    @abstractmethod
+    def refactor(self) -> Inertia:
+        """Factorise what is in the arrays; see ``factorize``.
+
+        Raises:
+            NotFinite: a value is not finite.
+        """
+
+    @abstractmethod
+    def trust_small_pivots(self, trusted: bool) -> None:
+        """Whether a matrix is regular from now on if its smallest pivots are right in their leading digits.
+
+        Otherwise, and to begin with, it is singular when it is so to working precision: most are better taken for it.
+        """
+
+    @property
+    def attempt_call(self) -> Bound | None:
+        """``refactor`` as one call of machine code for matrices like the last one, where all goes as it did there.
+
+        Its result is 0 then, and ``solve_call`` and ``solve_both_call`` stay as they are. Other results are what
+        ``resume`` takes. None where there is no such call; valid until ``refactor``, ``resume`` or ``check_solution``.
+
+        It is for those who can only use the inertia (n, m, 0): any other may be found before the factorisation is
+        complete. ``inertia`` is then wrong in the same direction, and there is nothing to solve with.
+        """
+        return None
+
+    def resume(self, ended: int) -> Inertia:
+        """``refactor``, after ``attempt_call`` has ended with this result, not 0."""
+        return self.refactor()
+
+    @property
+    def solve_call(self) -> Bound:
+        """The call that solves for ``rhs``, iterative refinement included; valid until the next factorisation.
+
+        Raises:
+            ValueError: nothing has been factorised.
+        """
+        if not self._factorized:
+            raise ValueError("factorize before solving")
+        return self._solve
+
+    @property
+    def solve_both_call(self) -> Bound:
+        """The same for ``rhs`` and ``second_rhs``, in less time than two solves take.
+
+        ``report`` tells of the one that is less accurate.
+        """
+        if not self._factorized:
+            raise ValueError("factorize before solving")
+        return self._solve_both
+
+    @abstractmethod
+    def check_solution(self) -> bool:
+        """After a solve: where the residual is doubtful, factorise more carefully and solve for ``rhs`` again.
+
+        Returns:
+            Whether that was done: ``solution`` and the calls are new then.
+        """
 
     def factorize(
         self, hess_values: Floats, jac_values: Floats, primal_diagonal: Floats, dual_diagonal: Floats
@@ -88,6 +186,14 @@ class KKTSystem(Protocol):
             NotFinite: a value is not finite.
             ValueError: an array has the wrong size.
         """
+        own = self.hess, self.jac, self.primal, self.dual
+        names = "hess_values", "jac_values", "primal_diagonal", "dual_diagonal"
+        given = hess_values, jac_values, primal_diagonal, dual_diagonal
+        for mine, array, name in zip(own, given, names, strict=True):
+            _check_size(array, mine.size, name)
+        for mine, array in zip(own, given, strict=True):
+            mine[:] = array
+        return self.refactor()
 
     def solve(self, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
         """Solve ``K [dx; dy] = [rhs_x; rhs_y]`` with iterative refinement; new arrays (n,) and (m,).
@@ -95,110 +201,16 @@ class KKTSystem(Protocol):
         Raises:
             ValueError: nothing has been factorised, or an array has the wrong size.
         """
+        call, n = self.solve_call, self.primal.size
+        _check_size(rhs_x, n, "rhs_x")
+        _check_size(rhs_y, self.dual.size, "rhs_y")
+        self.rhs[:n] = rhs_x
+        self.rhs[n:] = rhs_y
+        call()
+        self.check_solution()
+        return self.solution[:n].copy(), self.solution[n:].copy()
 
 
-class AttachedKKT(KKTSystem, Protocol):
-    """A system whose caller writes into its arrays and reads from them, without copies.
-
-        kkt.hess[:] = ...; kkt.jac[:] = ...; kkt.primal[:] = ...; kkt.dual[:] = ...
-        inertia = kkt.refactor()
-        kkt.rhs[:] = ...
-        kkt.solve_call()           # one call of machine code, which can be part of a chain
-        kkt.check_solution()
-        kkt.solution               # dx, dy
-
-    The arrays stay the same objects as long as the system lives. ``factorize`` and ``solve`` use the same ones.
-    """
-
-    @property
-    def hess(self) -> Floats:
-        """Values of H, (nnz_H,)."""
-
-    @property
-    def jac(self) -> Floats:
-        """Values of J, (nnz_J,)."""
-
-    @property
-    def primal(self) -> Floats:
-        """p, (n,)."""
-
-    @property
-    def dual(self) -> Floats:
-        """d, (m,)."""
-
-    @property
-    def rhs(self) -> Floats:
-        """What to solve for, (n + m,)."""
-
-    @property
-    def solution(self) -> Floats:
-        """What ``solve_call`` found, (n + m,)."""
-
-    @property
-    def second_rhs(self) -> Floats:
-        """What else to solve for in ``solve_both_call``, (n + m,)."""
-
-    @property
-    def second_solution(self) -> Floats:
-        """What it found for that, (n + m,)."""
-
-    @property
-    def report(self) -> Floats:
-        """What ``solve_call`` tells: ``report[0]`` is the relative residual (see ``last_residual``)."""
-
-    @property
-    def accuracy(self) -> Floats:
-        """The relative residual that ``solve_call`` is content with, (1,): ``FINE`` after each factorisation."""
-
-    def refactor(self) -> Inertia:
-        """Factorise what is in the arrays; see ``factorize``.
-
-        Raises:
-            NotFinite: a value is not finite.
-        """
-
-    def trust_small_pivots(self, trusted: bool) -> None:
-        """Whether a matrix is regular from now on if its smallest pivots are right in their leading digits.
-
-        Otherwise, and to begin with, it is singular when it is so to working precision: most are better taken for it.
-        """
-
-    @property
-    def inertia(self) -> NDArray[np.int64]:
-        """What ``attempt_call`` found, (3,)."""
-
-    @property
-    def attempt_call(self) -> Bound | None:
-        """``refactor`` as one call of machine code for matrices like the last one, where all goes as it did there.
-
-        Its result is 0 then, and ``solve_call`` and ``solve_both_call`` stay as they are. Other results are what
-        ``resume`` takes. None where there is no such call; valid until ``refactor``, ``resume`` or ``check_solution``.
-
-        It is for those who can only use the inertia (n, m, 0): any other may be found before the factorisation is
-        complete. ``inertia`` is then wrong in the same direction, and there is nothing to solve with.
-        """
-
-    def resume(self, ended: int) -> Inertia:
-        """``refactor``, after ``attempt_call`` has ended with this result, not 0."""
-
-    @property
-    def solve_call(self) -> Bound:
-        """The call that solves for ``rhs``, iterative refinement included; valid until the next factorisation.
-
-        Raises:
-            ValueError: nothing has been factorised.
-        """
-
-    @property
-    def solve_both_call(self) -> Bound:
-        """The same for ``rhs`` and ``second_rhs``, in less time than two solves take.
-
-        ``report`` tells of the one that is less accurate.
-        """
-
-    def check_solution(self) -> bool:
-        """After a solve: where the residual is doubtful, factorise more carefully and solve for ``rhs`` again.
-
-        Returns:
-            Whether that was done: ``solution`` and the calls are new then.
-        """
+def _check_size(array: Floats, size: int, name: str) -> None:
+    if np.shape(array) != (size,):
+        raise ValueError(f"{name} has shape {np.shape(array)}, expected ({size},)")

@@ -1,21 +1,20 @@
-"""The arrays that come into a KKT system, checked, and its calls that copy them."""
+"""The arrays of a KKT system."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from stc.core.calls import Bound
 from stc.records import dataclass
-from stc.solver.kkt.contract import FINE, REPORT, AttachedKKT, Inertia
+from stc.solver.kkt.contract import FINE, REPORT, KKTSystem
 from stc.solver.kkt.couplings import Couplings
 from stc.solver.nlp import Floats
 
-__all__ = ["Arrays", "ByCopies", "checked_values"]
+__all__ = ["Arrays"]
 
 
 @dataclass(frozen=True)
 class Arrays:
-    """The arrays of an ``AttachedKKT``; ``given`` is H, J, p and d one after the other, and further numbers."""
+    """The arrays of a ``KKTSystem``; ``given`` is H, J, p and d one after the other, and further numbers."""
 
     given: Floats
     hess: Floats
@@ -42,69 +41,13 @@ class Arrays:
             np.full(1, FINE),
         )  # fmt: skip
 
-
-def checked_values(*arrays: tuple[Floats, int, str]) -> list[Floats]:
-    """Contiguous float64 forms of ``(array, size, name)``, without a copy where they already are.
-
-    Raises:
-        ValueError: an array does not have its size.
-    """
-    checked = []
-    for array, size, name in arrays:
-        if not (isinstance(array, np.ndarray) and array.dtype == np.float64 and array.flags.c_contiguous):
-            array = np.ascontiguousarray(array, dtype=np.float64)
-        if array.shape != (size,):
-            raise ValueError(f"{name} has shape {array.shape}, expected ({size},)")
-        checked.append(array)
-    return checked
-
-
-class ByCopies:
-    """The calls of a ``KKTSystem`` for a system with arrays of its own: ``factorize`` and ``solve`` copy."""
-
-    _factorized: bool
-    _solve: Bound
-    _solve_both: Bound
-
-    @property
-    def solve_call(self) -> Bound:
-        """See ``AttachedKKT.solve_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve
-
-    @property
-    def solve_both_call(self) -> Bound:
-        """See ``AttachedKKT.solve_both_call``."""
-        if not self._factorized:
-            raise ValueError("factorize before solving")
-        return self._solve_both
-
-    def factorize(
-        self: AttachedKKT,
-        hess_values: Floats,
-        jac_values: Floats,
-        primal_diagonal: Floats,
-        dual_diagonal: Floats,
-    ) -> Inertia:
-        """See ``KKTSystem.factorize``."""
-        own = self.hess, self.jac, self.primal, self.dual
-        names = "hess_values", "jac_values", "primal_diagonal", "dual_diagonal"
-        given = hess_values, jac_values, primal_diagonal, dual_diagonal
-        checked = checked_values(
-            *((array, mine.size, name) for array, mine, name in zip(given, own, names, strict=True))
-        )
-        for mine, array in zip(own, checked, strict=True):
-            mine[:] = array
-        return self.refactor()
-
-    def solve(self: AttachedKKT, rhs_x: Floats, rhs_y: Floats) -> tuple[Floats, Floats]:
-        """See ``KKTSystem.solve``."""
-        call = self.solve_call
-        n = self.primal.size
-        rhs_x, rhs_y = checked_values((rhs_x, n, "rhs_x"), (rhs_y, self.dual.size, "rhs_y"))
-        self.rhs[:n] = rhs_x
-        self.rhs[n:] = rhs_y
-        call()
-        self.check_solution()
-        return self.solution[:n].copy(), self.solution[n:].copy()
+    def give_to(self, system: KKTSystem) -> None:
+        """Make them those of a system, which takes vectors of its own length."""
+        size = self.primal.size + self.dual.size
+        system.hess, system.jac, system.primal, system.dual = self.hess, self.jac, self.primal, self.dual
+        system.rhs, system.solution = self.rhs[:size], self.solution[:size]
+        system.second_rhs, system.second_solution = self.second_rhs[:size], self.second_solution[:size]
+        system.report, system.accuracy = self.report, self.accuracy
+        system.inertia = np.zeros(3, dtype=np.int64)
+        system.last_residual = 0.0
+        system._factorized = False

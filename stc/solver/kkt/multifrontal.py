@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from stc.arrays import ranks
 from stc.core import library as core
 from stc.core.calls import Bound
-from stc.solver.kkt.contract import Inertia, check_ended
+from stc.solver.kkt.contract import Inertia, KKTSystem, check_ended
 from stc.solver.kkt.couplings import Couplings
-from stc.solver.kkt.entries import Arrays, ByCopies
+from stc.solver.kkt.entries import Arrays
 from stc.solver.nlp import Ints
 
 __all__ = ["DOUBTFUL", "MultifrontalKKT"]
@@ -29,8 +29,8 @@ CERTAIN, NEVER = 1e3, 1e300
 STALE_OF_PART = 64.0
 
 
-class MultifrontalKKT(ByCopies):
-    """Sparse LDL^T over a tree of fronts.  See ``AttachedKKT`` for the arguments and members."""
+class MultifrontalKKT(KKTSystem):
+    """Sparse LDL^T over a tree of fronts.  See ``KKTSystem`` for the arguments and members."""
 
     def __init__(
         self,
@@ -77,13 +77,7 @@ class MultifrontalKKT(ByCopies):
                 ranks(stage)[0] if stage.size else stage,
             )
         ]  # fmt: skip
-        self.hess, self.jac, self.primal, self.dual = arrays.hess, arrays.jac, arrays.primal, arrays.dual
-        self.rhs, self.solution = arrays.rhs, arrays.solution
-        self.second_rhs, self.second_solution = arrays.second_rhs, arrays.second_solution
-        self.report, self.accuracy = arrays.report, arrays.accuracy
-        self.inertia = np.zeros(3, dtype=np.int64)
-        self.last_residual = 0.0
-        self._factorized = False
+        arrays.give_to(self)
         self._counted_before = 0
         lib = core.library()
         pattern = core.Pattern(
@@ -124,7 +118,7 @@ class MultifrontalKKT(ByCopies):
         self._factorized = False
 
     def trust_small_pivots(self, trusted: bool) -> None:
-        """See ``AttachedKKT.trust_small_pivots``."""
+        """See ``KKTSystem.trust_small_pivots``."""
         self._options.certain = CERTAIN if trusted else NEVER
 
     @property
@@ -164,23 +158,23 @@ class MultifrontalKKT(ByCopies):
 
     @property
     def attempt_call(self) -> Bound | None:
-        """See ``AttachedKKT.attempt_call``."""
+        """See ``KKTSystem.attempt_call``."""
         return self._attempt if self._factorized else None
 
     def refactor(self) -> Inertia:
-        """See ``AttachedKKT.refactor``."""
+        """See ``KKTSystem.refactor``."""
         self._factorized = False
         return self.resume(self._refactor())
 
     def resume(self, ended: int) -> Inertia:
-        """See ``AttachedKKT.resume``."""
+        """See ``KKTSystem.resume``."""
         self._factorized = False
         check_ended(ended)
         self._factorized = True
         return Inertia(*self.inertia.tolist())
 
     def check_solution(self) -> bool:
-        """See ``AttachedKKT.check_solution``."""
+        """See ``KKTSystem.check_solution``."""
         made, reached = self._careful
         before = threshold = reached if made == self.factorizations else THRESHOLD
         while self.report[0] > DOUBTFUL and threshold < HIGHEST_THRESHOLD and self.inertia[2] == 0:

@@ -10,17 +10,15 @@ import threading
 import weakref
 from collections import OrderedDict
 from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.core.calls import Bound
 from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.choice import new_system
-from stc.solver.kkt.contract import Inertia
-from stc.solver.kkt.entries import ByCopies
 from stc.solver.kkt.multifrontal import MultifrontalKKT
-from stc.solver.nlp import Floats, Ints
+from stc.solver.nlp import Ints
 
 __all__ = ["StructuredKKT", "forget"]
 
@@ -34,12 +32,10 @@ _lock = threading.RLock()  # the garbage collector may give one back while anoth
 _kept: OrderedDict[bytes, BatchedKKT | MultifrontalKKT] = OrderedDict()
 
 
-class StructuredKKT(ByCopies):
+class StructuredKKT:
     """What ``choice`` finds to suit: segments side by side, or a tree of fronts.
 
-    A new one, or one from an earlier solve.
-
-    See ``AttachedKKT`` for arguments and members.
+    A new one, or one from an earlier solve; it is used like any ``KKTSystem``.
 
     Attributes:
         system: which one it is. Whoever uses that instead keeps this object, too: it is given back with it.
@@ -79,120 +75,8 @@ class StructuredKKT(ByCopies):
         if n + m <= LARGEST:
             weakref.finalize(self, _keep, key, system).atexit = False
 
-    def restart(self) -> None:
-        """Forget all matrices, as if new, but not the plan."""
-        self.system.restart()
-
-    def trust_small_pivots(self, trusted: bool) -> None:
-        """See ``AttachedKKT.trust_small_pivots``."""
-        self.system.trust_small_pivots(trusted)
-
-    @property
-    def factorizations(self) -> int:
-        """How many matrices have been factorised so far."""
-        return self.system.factorizations
-
-    @property
-    def nnz_factor(self) -> int:
-        """Entries stored for the last factorisation."""
-        return self.system.nnz_factor
-
-    @property
-    def operations(self) -> int:
-        """Additions and multiplications of the last factorisation, updates only."""
-        return self.system.operations
-
-    @property
-    def factor_bytes(self) -> int:
-        """Memory that the last factorisation fills."""
-        return self.system.factor_bytes
-
-    @property
-    def last_residual(self) -> float:
-        """See ``KKTSystem.last_residual``."""
-        return self.system.last_residual
-
-    @property
-    def hess(self) -> Floats:
-        """See ``AttachedKKT.hess``."""
-        return self.system.hess
-
-    @property
-    def jac(self) -> Floats:
-        """See ``AttachedKKT.jac``."""
-        return self.system.jac
-
-    @property
-    def primal(self) -> Floats:
-        """See ``AttachedKKT.primal``."""
-        return self.system.primal
-
-    @property
-    def dual(self) -> Floats:
-        """See ``AttachedKKT.dual``."""
-        return self.system.dual
-
-    @property
-    def rhs(self) -> Floats:
-        """See ``AttachedKKT.rhs``."""
-        return self.system.rhs
-
-    @property
-    def solution(self) -> Floats:
-        """See ``AttachedKKT.solution``."""
-        return self.system.solution
-
-    @property
-    def second_rhs(self) -> Floats:
-        """See ``AttachedKKT.second_rhs``."""
-        return self.system.second_rhs
-
-    @property
-    def second_solution(self) -> Floats:
-        """See ``AttachedKKT.second_solution``."""
-        return self.system.second_solution
-
-    @property
-    def report(self) -> Floats:
-        """See ``AttachedKKT.report``."""
-        return self.system.report
-
-    @property
-    def accuracy(self) -> Floats:
-        """See ``AttachedKKT.accuracy``."""
-        return self.system.accuracy
-
-    @property
-    def solve_call(self) -> Bound:
-        """See ``AttachedKKT.solve_call``."""
-        return self.system.solve_call
-
-    @property
-    def solve_both_call(self) -> Bound:
-        """See ``AttachedKKT.solve_both_call``."""
-        return self.system.solve_both_call
-
-    @property
-    def inertia(self) -> NDArray[np.int64]:
-        """See ``AttachedKKT.inertia``."""
-        return self.system.inertia
-
-    @property
-    def attempt_call(self) -> Bound | None:
-        """See ``AttachedKKT.attempt_call``."""
-        return self.system.attempt_call
-
-    def resume(self, ended: int) -> Inertia:
-        """See ``AttachedKKT.resume``."""
-        return self.system.resume(ended)
-
-    def refactor(self) -> Inertia:
-        """See ``AttachedKKT.refactor``."""
-        return self.system.refactor()
-
-    def check_solution(self) -> bool:
-        """See ``AttachedKKT.check_solution``."""
-        return self.system.check_solution()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.system, name)
 
 
 def forget() -> None:

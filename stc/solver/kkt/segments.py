@@ -22,13 +22,10 @@ from stc.solver.kkt.couplings import Couplings, sort_by_key
 __all__ = [
     "Group",
     "Numbered",
-    "Row",
     "Segmentation",
     "Stages",
     "find_segments",
     "number_stages",
-    "number_unknowns",
-    "row_of_stages",
 ]
 
 Int32s = NDArray[np.int32]
@@ -40,14 +37,14 @@ LANES = 8
 SHORTEST = 3
 #: Unknowns that couple with distant stages at most.
 LARGEST_BORDER = 64
-#: Unknowns of a stage at most: larger ones leave the nearest memory, and do well one by one.
-LARGEST_STAGE = 60
-#: A step of eight segments takes this many times as long as a stage of the rest, about, and more by one for so many
-#: unknowns of a stage: there are more rows, and wide ones do well in the rest, too.
-STEP_COST = 1.5
-STEP_GROWTH = 40.0
+#: Couplings at most for each unknown of a stage. Fronts grow with this number, and wide ones do well one by one: with
+#: 3.5 to 5.2, segments take 0.84 to 0.91 of the time, with 6 to 7 as long, with 7.5 and 9 1.1 and 1.3 times as long.
+DENSEST = 6.0
+#: A step of eight segments takes as long as a stage of the rest, about, and once more for so many unknowns of a stage:
+#: there are more rows, and wide ones do well in the rest, too.
+STEP_GROWTH = 80.0
 #: A seam takes this many times as long as a stage of the rest, about.
-SEAM_COST = 1.0
+SEAM_COST = 0.5
 #: Segments should cost this much less than their stages would in the rest.
 WORTH = 0.8
 #: Groups are even in number, so that two threads can share them, where that costs no more than this share of all; of
@@ -87,7 +84,7 @@ class Numbered:
         edge_stage: stage to which each coupling belongs, the earlier of two, -1 for those inside the border, (E,).
         edge_code: what is the same for all stages of a kind (see ``_codes``), (E,); ``base`` decodes them:
             ``code = (type * base + i) * base + j``.
-        features: unknowns, variables and two sums of codes, equal for stages of a kind, (4, stages).
+        features: unknowns, variables, couplings and two sums of codes, equal for stages of a kind, (5, stages).
         irregular: stages with unknowns of the border, (stages,).
     """
 
@@ -138,75 +135,31 @@ class Segmentation:
 
 
 def number_stages(
-    couplings: Couplings, stage: Int64s, held: NDArray[np.bool_] | None = None
+    couplings: Couplings, suggested: Int64s, held: NDArray[np.bool_] | None = None
 ) -> Numbered | None:
-    """Number the stages of a horizon, or None where there are too few for any two of them to be alike.
+    """Number stages and the unknowns of each, and find out what stages have in common.
+
+    None where there are too few for any two of them to be alike, or where too much couples with distant ones.
 
     Args:
-        stage: suggested stage of each unknown, (N,), any whole numbers.
+        suggested: stage of each unknown, (N,), any whole numbers.
         held: variables that never move, (n,); a stage is only like others that hold the same ones.
     """
-    row = row_of_stages(couplings, stage)
-    if row is None:
-        return None
-    forwards, _ = row.directions()
-    return number_unknowns(couplings, forwards, row.border, held)
-
-
-@dataclass(frozen=True)
-class Row:
-    """Stages in a row.
-
-    Attributes:
-        stage: of each unknown, numbered without gaps, (N,).
-        border: unknowns that couple with distant stages.
-        ahead, behind: 1 for unknowns that couple with the next stage, or with the one before, (N,).
-    """
-
-    stage: Int32s
-    border: Int32s
-    ahead: Int32s
-    behind: Int32s
-
-    def directions(self) -> tuple[Int32s, Int32s]:
-        """The stage of each unknown for who goes through them from the first one on, and for who comes from the last.
-
-        What a stage passes on to the next is to be little.
-        """
-        more_behind = np.count_nonzero(self.behind) - np.count_nonzero(self.ahead)
-        forwards = self.stage + (self.ahead > self.behind) if more_behind > 0 else self.stage
-        backwards = self.stage - (self.behind > self.ahead) if more_behind < 0 else self.stage
-        return forwards.astype(np.int32), backwards.astype(np.int32)
-
-
-def row_of_stages(couplings: Couplings, stage: Int64s) -> Row | None:
-    """Put stages in a row, or None where they are few, or where too much couples with distant ones."""
-    size = couplings.size
+    size, first, second = couplings.size, couplings.first, couplings.second
     if size == 0:
         return None
-    numbers, count = ranks(stage)
+    numbers, count = ranks(suggested)
     if count < 2 * LANES:
         return None
-    stage_of = numbers.astype(np.int32)
-    far, flagged = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
-    ahead, behind = np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
-    first, second = couplings.first, couplings.second
-    _flag_border(first.size, first, second, stage_of, far, flagged, ahead, behind)
+    stage = numbers.astype(np.int32)
+    far, flagged, ahead, behind = (np.zeros(size, dtype=np.int32) for _ in range(4))
+    _flag_border(first.size, first, second, stage, far, flagged, ahead, behind)
     border = np.flatnonzero(flagged).astype(np.int32)
-    return Row(stage_of, border, ahead, behind) if border.size <= LARGEST_BORDER else None
-
-
-def number_unknowns(
-    couplings: Couplings, stage: Int32s, border: Int32s, held: NDArray[np.bool_] | None
-) -> Numbered:
-    """Number the unknowns of each stage, and find out what stages have in common.
-
-    Args:
-        stage: of each unknown, without gaps, (N,): couplings are with the one that is gone through next, or in it.
-        border: unknowns that couple with many stages; held: see ``number_stages``.
-    """
-    size = couplings.size
-    first, second = couplings.first, couplings.second
+    if border.size > LARGEST_BORDER:
+        return None
+    # What a stage passes on to the next is to be little.
+    if np.count_nonzero(behind) > np.count_nonzero(ahead):
+        stage = (stage + (ahead > behind)).astype(np.int32)
     stages = int(stage.max()) + 1
     order, pointers = sort_by_key(stage, stages)
     widest = int(np.diff(pointers).max())
@@ -224,7 +177,8 @@ def number_unknowns(
         fixed = np.flatnonzero(held).astype(np.int32)
         _own_codes(HELD, fixed.size, fixed, stage, local, base, sums)
     variables = np.bincount(stage[: couplings.n], minlength=stages)
-    features = np.stack([np.diff(pointers), variables, sums[0::2], sums[1::2]])
+    coupled = np.bincount(edge_stage[edge_stage >= 0], minlength=stages)
+    features = np.stack([np.diff(pointers), variables, coupled, sums[0::2], sums[1::2]])
     irregular = np.zeros(stages, dtype=bool)
     irregular[stage[border]] = True
     return Numbered(
@@ -271,7 +225,8 @@ def _cut(starts: Int64s, lengths: Int64s, features: Int64s) -> tuple[list[Group]
     """Groups of segments of the runs of stages, and a stage of each kind."""
     groups: list[Group] = []
     example: list[int] = []
-    waiting = np.flatnonzero((lengths > SHORTEST) & (features[0, starts] <= LARGEST_STAGE))
+    width, _, coupled = features[:3, starts]
+    waiting = np.flatnonzero((lengths > SHORTEST) & (coupled <= DENSEST * width))
     known: dict[bytes, list[int]] = {}
     for run in waiting:
         known.setdefault(features[:, starts[run]].tobytes(), []).append(int(run))
@@ -315,7 +270,7 @@ def _span(lengths: Int64s, width: int) -> tuple[float, int]:
     counts = (lengths[:, None] - 1) // steps
     left = lengths.sum() - (counts * steps).sum(axis=0)
     segments = counts.sum(axis=0)
-    step_cost = STEP_COST + width / STEP_GROWTH
+    step_cost = 1.0 + width / STEP_GROWTH
     groups = -(-segments // LANES)
     cost = groups * steps * step_cost + left + SEAM_COST * segments
     best = int(np.argmin(cost))

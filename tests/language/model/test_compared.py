@@ -36,6 +36,7 @@ def judged(folder: Path, path: str, expression: str) -> tuple[Report, float]:
     return report, drifts[0]
 
 
+@pytest.mark.daily_every(4)
 @pytest.mark.parametrize("path", PATHS)
 def test_mujoco_has_it_where_the_spec_has_it(tmp_path: Path, path: str) -> None:
     assert judged(tmp_path, path, path)[1] < 5e-3

@@ -66,6 +66,7 @@ POSTS = {
 }  # fmt: skip
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("name", POSTS)
 def test_a_load_passes_a_post_at_the_distance_that_is_asked_for(tmp_path: Path, name: str) -> None:
     """The straight way leads through the post; the way around touches the distance, and MuJoCo measures it."""

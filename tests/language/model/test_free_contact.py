@@ -141,6 +141,7 @@ def test_forces_act_all_through_the_step_that_they_end() -> None:
     assert constant.tolist() == [2.0, 5.0]
 
 
+@pytest.mark.nightly
 def test_a_hop_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
     """Found roughly, then proven: nothing says when the foot stands."""
     rough = load(tmp_path, HOPPER, HOP).solve()
@@ -194,6 +195,7 @@ def test_contacts_of_a_lagrangian_cannot_be_free() -> None:
         stc.load(spec).problem()
 
 
+@pytest.mark.nightly
 def test_a_pushed_box_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
     """It is pushed, glides and stops by friction alone, after v^2/(2 mu g)."""
     rough = stc.load(DOCS / "push_free.stc").solve()
@@ -301,7 +303,7 @@ def test_what_slides_in_space_has_no_schedule(tmp_path: Path) -> None:
         found_ranges(solution)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_biped_steps_without_a_schedule(tmp_path: Path) -> None:
     """One foot stands while the other lands: both have impulses within friction."""
     rough = stc.load(DOCS / "step_free.stc").solve()

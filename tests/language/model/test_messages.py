@@ -77,13 +77,13 @@ def test_a_path_needs_a_model(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_stated_is_named_and_can_be_left_out(tmp_path: Path) -> None:
-    wet = quadruped().replace("<worldbody>", '<option density="1000"/><worldbody>', 1)
+    sticky = quadruped().replace('name="floor"', 'name="floor" adhesion="1"', 1)
     text = f"{START}constraints: [0]: keyframe.stand; rest;"
     with pytest.raises(SpecError) as told:
-        load(tmp_path, wet, text).problem()
+        load(tmp_path, sticky, text).problem()
     assert "robot.xml:" in str(told.value)
-    assert "without fluid" in str(told.value)
-    (tmp_path / "motion.stc").write_text(f'model: "robot.xml" without fluid;\n{text}', encoding="utf-8")
+    assert "without adhesion" in str(told.value)
+    (tmp_path / "motion.stc").write_text(f'model: "robot.xml" without adhesion;\n{text}', encoding="utf-8")
     assert stc.load(tmp_path / "motion.stc").problem().of_model
 
 

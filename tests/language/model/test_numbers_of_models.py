@@ -38,6 +38,7 @@ def test_a_mass_that_only_derived_numbers_hold_counts_as_used(tmp_path: Path) ->
     assert not model.warnings
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("way", WAYS)
 def test_equations_and_replay_have_the_same_number(tmp_path: Path, way: str) -> None:
     wanted = load(tmp_path, ARM.replace('armature=".01"', 'armature=".2"'), SPEC).solve().objective

@@ -32,6 +32,7 @@ replay: set option.solref.time = {stiff};
 """
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("margins", [(0.0, 0.0), (0.002, 0.001)])
 def test_a_capsule_rolls_on_its_ends(tmp_path: Path, margins: tuple[float, float]) -> None:
     """It goes as far as its radius says, and MuJoCo, where margins hold it off the floor, goes the same way."""

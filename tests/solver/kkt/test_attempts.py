@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from solver.kkt.dense import DenseKKT
 from solver.kkt.kkt_problems import generic
 from solver.kkt.motions import motion, system_of
 
-from stc.solver.kkt import DenseKKT, MultifrontalKKT
+from stc.solver.kkt import MultifrontalKKT
 from stc.solver.kkt.contract import Inertia, NotFinite
 
 SYSTEMS = [system_of, lambda pattern: MultifrontalKKT(*pattern.arguments())]

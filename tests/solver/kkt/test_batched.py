@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from solver.kkt.backends import assert_alike_with_all_instructions
+from solver.kkt.dense import DenseKKT
 from solver.kkt.kkt_problems import STRUCTURES, Builder, generic
 from solver.kkt.motions import holding, motion, parts, structure, system_of
 from solver.kkt.test_contract import check
 
 import stc
-from stc.solver.kkt import DenseKKT
 from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.reuse import StructuredKKT

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg
+from solver.kkt.dense import DenseKKT
 from solver.kkt.kkt_problems import STRUCTURES, VALUES, Builder, Pattern, Values, exact_inertia, generic
 
 from stc.core.calls import chain
-from stc.solver.kkt import DenseKKT, Inertia
-from stc.solver.kkt.contract import AttachedKKT
+from stc.solver.kkt import Inertia
+from stc.solver.kkt.contract import KKTSystem
 from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.reuse import StructuredKKT
 
@@ -25,7 +26,7 @@ def equilibrated(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return matrix * scale[:, None] * scale, scale
 
 
-def check(system: AttachedKKT, pattern: Pattern, values: Values, rng: np.random.Generator) -> None:
+def check(system: KKTSystem, pattern: Pattern, values: Values, rng: np.random.Generator) -> None:
     """Inertia against LAPACK, solutions against the matrix."""
     matrix, scale = equilibrated(pattern.matrix(values))
     inertia = system.factorize(*values.arguments())

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from solver.kkt.backends import assert_alike_with_all_instructions
+from solver.kkt.dense import DenseKKT
 from solver.kkt.kkt_problems import STRUCTURES, Builder, Pattern, Values, generic, sparse_diagonals
 
-from stc.solver.kkt import DenseKKT, Inertia, MultifrontalKKT, multifrontal
+from stc.solver.kkt import Inertia, MultifrontalKKT, multifrontal
 from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.entries import Arrays
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from solver.kkt.dense import DenseKKT
 from solver.kkt.kkt_problems import STRUCTURES, generic, sparse_diagonals
 
-from stc.solver.kkt import DenseKKT, reuse
+from stc.solver.kkt import reuse
 from stc.solver.kkt.reuse import StructuredKKT
 
 

@@ -19,6 +19,7 @@ def failed(name: str) -> Metric:
     return Metric(name, "joint a", 2.0, "share", 1.0)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize(
     ("name", "n"), [("arm_reach", 16), ("arm_reach", 8), ("cart_pole_swing_up", 20), ("segment_flip", 10)]
 )
@@ -34,7 +35,7 @@ def test_following_the_advice_makes_a_coarse_motion_pass(name: str, n: int) -> N
     assert better.next_steps == []
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_very_coarse_motion_improves_with_each_advice_until_it_passes() -> None:
     model, n, before = stc.load("falling_cat"), 8, float("inf")
     for _ in range(3):

@@ -136,6 +136,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_fails_with_joint_and_term_in_the_first_line(fault: str) -> None:
     name, old, new, joint, term = FAULTS[fault]
@@ -306,6 +307,7 @@ WALL = """<body name="wall" pos="3 0 1"><inertial pos="0 0 0" mass="40" diaginer
   <geom type="box" size="0.1 1 1"/></body>"""
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("beside", ["", WALL])
 @pytest.mark.parametrize(("spin", "conserved"), [("0", True), ("0.5", False)])
 def test_momentum_in_flight(tmp_path: Path, spin: str, conserved: bool, beside: str) -> None:

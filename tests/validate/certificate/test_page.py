@@ -141,11 +141,9 @@ def test_plots_show_every_joint_output_and_actuator_in_the_colours_of_the_page(
 
 def test_a_failing_page_points_at_the_cause(tmp_path: Path) -> None:
     source = stc.load("arm_reach").text
-    wrong = tmp_path / "wrong.stc"
-    wrong.write_text(source.replace("- m2*g*z2", "- 1.2*m2*g*z2"))
-    status = run(["run", str(wrong), "-o", str(tmp_path / "w.npz"), "--report", str(tmp_path / "w.html")])
-    assert status == 1
-    text = Page((tmp_path / "w.html").read_text()).text
+    wrong = stc.load(source.replace("- m2*g*z2", "- 1.2*m2*g*z2"))
+    page = certify(wrong.solve()).write(tmp_path / "w.html", pictures=False)
+    text = Page(page.read_text()).text
     assert re.search(r"Failed\. joint (shoulder|elbow): gravity: spec", text)
 
 
@@ -179,7 +177,7 @@ def chunks(content: bytes) -> list[tuple[bytes, bytes]]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.needs("opengl")
 def test_the_film_can_be_taken_apart_into_whole_frames(reach: Certificate, tmp_path: Path) -> None:
     pictures = render(reach.replays)

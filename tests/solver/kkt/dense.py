@@ -6,11 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.calls import Bound
-from stc.solver.kkt.contract import FINE, Inertia, NotFinite
-from stc.solver.kkt.entries import ByCopies
+from stc.solver.kkt.contract import FINE, Inertia, KKTSystem, NotFinite
 from stc.solver.nlp import Floats, Ints
-
-__all__ = ["DenseKKT", "dense_matrix"]
 
 #: Eigenvalues of the equilibrated matrix below this count as zero.
 SINGULAR = 1e-13
@@ -51,11 +48,13 @@ def equilibrated(matrix: Floats, sweeps: int = 20) -> tuple[Floats, Floats]:
     return scaled, scale
 
 
-class DenseKKT(ByCopies):
+class DenseKKT(KKTSystem):
     """K through its eigenvalue decomposition after equilibration (see ``KKTSystem`` for the meaning of the members).
 
     Eigenvalues decide the inertia; null directions are left out of solves.
     """
+
+    factorizations = nnz_factor = 0
 
     def __init__(
         self,
@@ -71,7 +70,6 @@ class DenseKKT(ByCopies):
     ) -> None:
         self.n = n
         self.m = m
-        self.factorizations = 0
         self.nnz_factor = (n + m) ** 2
         self.last_residual = 0.0
         self.inertia = np.zeros(3, dtype=np.int64)
@@ -90,17 +88,8 @@ class DenseKKT(ByCopies):
         self._solve_both = Bound.of_python(self._solve_twice, ())
         self._factorized = False
 
-    @property
-    def attempt_call(self) -> None:
-        """There is none."""
-        return None
-
-    def resume(self, ended: int) -> Inertia:
-        """See ``AttachedKKT.resume``."""
-        return self.refactor()
-
     def refactor(self) -> Inertia:
-        """See ``AttachedKKT.refactor``."""
+        """See ``KKTSystem.refactor``."""
         self._factorized = False
         values = self.hess, self.jac, self.primal, self.dual
         if not all(np.isfinite(array).all() for array in values):
@@ -115,10 +104,10 @@ class DenseKKT(ByCopies):
         return Inertia(positive, negative, self.n + self.m - positive - negative)
 
     def trust_small_pivots(self, trusted: bool) -> None:
-        """See ``AttachedKKT.trust_small_pivots``: it has none."""
+        """It has none."""
 
     def check_solution(self) -> bool:
-        """See ``AttachedKKT.check_solution``: there is nothing more careful."""
+        """See ``KKTSystem.check_solution``: there is nothing more careful."""
         self.last_residual = float(self.report[0])
         return False
 
