@@ -295,6 +295,10 @@ class UsageError(StcError):
         return f"{self.message}\n  {self.hint}" if self.hint else self.message
 
 
+#: What to do about a spec without a model.
+OWN_MODEL = "docs/own_model.md describes how to write a model and connect a spec to it"
+
+
 class UnsolvedError(UsageError):
     """A solve ended other than optimal, but an optimal solution is required; ``status`` says how it ended."""
 

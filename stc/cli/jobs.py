@@ -23,7 +23,7 @@ from stc.cli.live import Watch, validating
 from stc.cli.options import SolveOptions, existing_solution, writable_solution
 from stc.cli.outcome import Ending, Outcome, keep_solution
 from stc.cli.statuses import BAD, GOOD
-from stc.errors import Diagnostic, EndedError, UsageError
+from stc.errors import OWN_MODEL, Diagnostic, EndedError, UsageError
 
 if TYPE_CHECKING:
     from stc.pipeline import Model
@@ -60,7 +60,7 @@ def run(
     check_replay_lines(model.problem(options.method))
     outcome = _solved(model, options, as_json, save=True)
     if outcome.solution.model is None:
-        return _not_validated(outcome, f"{_no_replay(outcome.solution.name)}; {_HOW}", page, as_json)
+        return _not_validated(outcome, f"{_no_replay(outcome.solution.name)}; {OWN_MODEL}", page, as_json)
     return _judged(outcome, outcome.solution, force=force, page=page, table=table, as_json=as_json)
 
 
@@ -178,14 +178,14 @@ def solved(
         # The file and not the solution is handed on: the model may lie beside it.
         outcome = Outcome(read(path), path, was_read=True)
         if needs_model and outcome.solution.model is None:
-            raise UsageError(_no_replay(outcome.solution.name, needs_model), f"{without}; {_HOW}")
+            raise UsageError(_no_replay(outcome.solution.name, needs_model), f"{without}; {OWN_MODEL}")
         return outcome, path
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(target, options.constants)
     problem = model.problem(options.method)
     if needs_model and problem.model is None:
-        raise UsageError(_no_replay(model.name, needs_model), f"{without}; {_HOW}")
+        raise UsageError(_no_replay(model.name, needs_model), f"{without}; {OWN_MODEL}")
     check_replay_lines(problem)
     outcome = _solved(model, options, as_json, save=options.output is not None)
     return outcome, outcome.solution
@@ -479,10 +479,6 @@ def _not_validated(
         outcome.show()
     console.note(f"not validated: {reason}")
     return BAD
-
-
-#: How a motion gets a model.
-_HOW = "docs/own_model.md describes how to write a model and connect a spec to it"
 
 
 def _no_replay(name: str, reason: str = "MuJoCo cannot replay it") -> str:

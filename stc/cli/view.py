@@ -11,7 +11,7 @@ from stc.cli import console, jobs
 from stc.cli.inputs import load
 from stc.cli.options import SolveOptions, writable_solution
 from stc.cli.statuses import BAD, GOOD
-from stc.errors import StcError, UsageError
+from stc.errors import OWN_MODEL, StcError, UsageError
 from stc.records import dataclass
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def _live(target: str, options: SolveOptions, window: Window) -> int:
     if model.problem(options.method).model is None:
         raise UsageError(
             f"{model.name} has no `replay:` section that names a model to show it with",
-            "docs/own_model.md describes how to write a model and connect a spec to it",
+            OWN_MODEL,
         )
     file = options.output or writable_solution(f"{model.name}.npz")
     keep_inputs(file, model)

@@ -172,5 +172,5 @@ def _on_ellipsoid(geom: Geom, density: Expr, viscosity: Expr, v: Vector, w: Vect
 
 
 def _each(u: Vector, v: Vector) -> Vector:
-    """The products of the entries."""
+    """The vector of the products of corresponding entries."""
     return mul(u[0], v[0]), mul(u[1], v[1]), mul(u[2], v[2])

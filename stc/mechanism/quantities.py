@@ -34,7 +34,7 @@ class Sums:
     angular: Vector = ORIGIN
 
     def plus(self, other: Sums) -> Sums:
-        """The sums over the bodies of both."""
+        """The quantities of two sets of bodies together: their sums."""
         return Sums(
             mass=add(self.mass, other.mass),
             first=plus(self.first, other.first),

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from stc.atomic import replacing
-from stc.errors import Source, UnsolvedError, UsageError
+from stc.errors import OWN_MODEL, Source, UnsolvedError, UsageError
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
@@ -137,7 +137,7 @@ class Session:
         if problem.model is None:
             raise UsageError(
                 f"{source.name} has no `replay:` section that names a model to show it with",
-                "docs/own_model.md describes how to write a model and connect a spec to it",
+                OWN_MODEL,
             )
         solution = self.model.solve(constants=given, **options)
         if solution.status != "optimal":

@@ -64,7 +64,7 @@ def test_shipped_models(name: str) -> None:
 @pytest.mark.skipif(GYMNASIUM is None, reason="gymnasium is not installed: pip install '.[dev]'")
 @pytest.mark.parametrize("name", OF_GYMNASIUM)
 def test_models_of_gymnasium(name: str) -> None:
-    """As of the models that ship."""
+    """Their equations equal `mj_inverse`, like those of the models that ship."""
     assert GYMNASIUM is not None
     check(GYMNASIUM / f"{name}.xml")
 
@@ -74,6 +74,6 @@ def test_models_of_gymnasium(name: str) -> None:
 @pytest.mark.skipif(CONTROL is None, reason="dm_control is not installed (it has no wheels for this Python)")
 @pytest.mark.parametrize("name", OF_CONTROL)
 def test_models_of_dm_control(name: str) -> None:
-    """As of the models that ship."""
+    """Their equations equal `mj_inverse`, like those of the models that ship."""
     assert CONTROL is not None
     check(CONTROL / f"{name}.xml")
