@@ -31,7 +31,7 @@
 
 /* Solve L^T z = e of unknowns p and q of front `at` (counted in it; q < 0 for none): the noise |z|^T |L| |D| |L|^T |z|,
  * summed over the pivots before p. */
-static double find_null_vector(kkt *s, int32_t at, int32_t p, int32_t q, double *z) {
+static double find_null_vector(kkt_state *s, int32_t at, int32_t p, int32_t q, double *z) {
     double noise = 0.0;
     const int32_t *own = s->index + s->fronts[at].index_at;
     memset(z, 0, sizeof(double) * (size_t)s->size);
@@ -65,7 +65,7 @@ static double find_null_vector(kkt *s, int32_t at, int32_t p, int32_t q, double 
 }
 
 /* The same, without the noise: in vectors. */
-static void find_vector(kkt *s, int32_t at, int32_t p, double *z) {
+static void find_vector(kkt_state *s, int32_t at, int32_t p, double *z) {
     double *y = s->work;
     memset(z, 0, sizeof(double) * (size_t)s->size);
     z[s->index[s->fronts[at].index_at + p]] = 1.0;
@@ -81,14 +81,14 @@ static void find_vector(kkt *s, int32_t at, int32_t p, double *z) {
     }
 }
 
-static int is_null(kkt *s, int32_t at, int32_t p, double d, double *z, double *image) {
+static int is_null(kkt_state *s, int32_t at, int32_t p, double d, double *z, double *image) {
     double square = 0.0;
     find_vector(s, at, p, z);
     for (int32_t i = 0; i < s->size; i++) square += z[i] * z[i];
     if (fabs(d) > NULL_ESTIMATE * square) return 0;
     memset(s->vector[2], 0, sizeof(double) * (size_t)s->size);
     for (int step = 0; step <= INVERSE_STEPS; step++) {
-        if (residual(s, s->vector[2], z, image) / sqrt(square) <= NULL_BOUND) return 1;
+        if (residual(s, s->left, s->filled, s->vector[2], z, image) / sqrt(square) <= NULL_BOUND) return 1;
         substitute(s, z, NULL); /* with factors that are off, z is, too: inverse iteration mends that */
         double largest = largest_of(z, s->size);
         square = 0.0;
@@ -106,9 +106,9 @@ typedef struct {
 } suspect;
 
 /* The smallest pivots, in order; how many. */
-static int find_suspects(kkt *s, suspect *found) {
+static int find_suspects(kkt_state *s, suspect *found) {
     int count = 0;
-    int64_t *inertia = s->arrays.inertia;
+    int64_t *inertia = s->k->inertia;
     for (int32_t at = 0; at < s->plan->fronts; at++) {
         const factored *f = &s->fronts[at];
         for (int32_t k = 0; k < f->eliminated; k++) {
@@ -136,9 +136,9 @@ static int find_suspects(kkt *s, suspect *found) {
 }
 
 /* Count pivots as zero, and replace them, where the matrix is singular to working precision. */
-static void confirm_zeros(kkt *s) {
+static void confirm_zeros(kkt_state *s) {
     double *z = s->vector[0], *image = s->vector[1];
-    int64_t *inertia = s->arrays.inertia;
+    int64_t *inertia = s->k->inertia;
     suspect suspects[SUSPECTS];
     int count = find_suspects(s, suspects), futile = 0;
     for (int which = 0; which < count && futile < FUTILE; which++) {
@@ -152,14 +152,14 @@ static void confirm_zeros(kkt *s) {
         int null = is_null(s, at, k, d, z, image) && (q < 0 || is_null(s, at, q, d, z, image));
         if (null) {
             double noise = find_null_vector(s, at, k, q, z) + (q < 0 ? d : 4.0 * d);
-            null = d <= s->options.certain * UNIT * noise;
+            null = d <= s->k->certain * UNIT * noise;
         }
         if (!null) {
             s->regular[index[k]] = d;
             futile++;
             continue;
         }
-        inverse[0] = (s->plan->order[index[k]] < s->n ? 1.0 : -1.0) / REPLACEMENT;
+        inverse[0] = (index[k] < s->variables ? 1.0 : -1.0) / REPLACEMENT;
         if (q < 0) {
             inertia[a > 0.0 ? 0 : 1]--;
             inertia[2]++;
@@ -172,7 +172,7 @@ static void confirm_zeros(kkt *s) {
             }
             inertia[2] += 2;
             inverse[1] = 0.0;
-            inverse[2] = (s->plan->order[index[q]] < s->n ? 1.0 : -1.0) / REPLACEMENT;
+            inverse[2] = (index[q] < s->variables ? 1.0 : -1.0) / REPLACEMENT;
         }
     }
 }

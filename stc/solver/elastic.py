@@ -43,15 +43,9 @@ class ElasticKKT(KKTSystem):
 
     def __init__(self, base: KKTSystem, n: int, m: int, jac_entries: int) -> None:
         """``n``, ``m``, ``jac_entries``: sizes of ``base``."""
-        self._base, self._m = base, m
-        unknowns = n + 3 * m
-        self.hess, self.jac = base.hess, np.zeros(jac_entries + 2 * m)
-        self.primal, self.dual = np.zeros(n + 2 * m), np.zeros(m)
-        self.rhs, self.solution = np.zeros(unknowns), np.zeros(unknowns)
-        self.second_rhs, self.second_solution = np.zeros(unknowns), np.zeros(unknowns)
-        self.report, self.accuracy = base.report, base.accuracy
-        self.inertia = np.zeros(3, dtype=np.int64)
-        self._factorized = False
+        self._base = base
+        self._allocate(n + 2 * m, m, 0, jac_entries + 2 * m)
+        self.hess, self.report, self.accuracy = base.hess, base.report, base.accuracy
         self._calls = CallTable(CALLS)
         self._system = system = structure("elastic_system")(
             n=n, m=m, jac_entries=jac_entries, calls=self._calls.cells, own=linear_system_of(base),
@@ -99,7 +93,7 @@ class ElasticKKT(KKTSystem):
     def _with_pairs(self, inertia: Inertia) -> Inertia:
         """Note that a matrix has been factorised: the inertia with p and q."""
         self._factorized = True
-        return Inertia(inertia.positive + 2 * self._m, inertia.negative, inertia.zero)
+        return Inertia(inertia.positive + 2 * self.m, inertia.negative, inertia.zero)
 
     @property
     def solve_call(self) -> Bound:

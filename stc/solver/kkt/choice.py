@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.segments import find_segments, number_stages
@@ -24,13 +23,11 @@ def new_system(
     var_stage: Ints,
     row_stage: Ints,
     held: NDArray[np.bool_],
-) -> BatchedKKT | MultifrontalKKT:
+) -> MultifrontalKKT:
     """The linear algebra for a sparsity that takes the least time; arguments as for ``StructuredKKT``."""
-    pattern = n, m, jac_rows, jac_cols, hess_rows, hess_cols
-    couplings = Couplings.of(*pattern)
+    couplings = Couplings.of(n, m, jac_rows, jac_cols, hess_rows, hess_cols)
     stage = np.concatenate([np.asarray(given).astype(np.int64) for given in (var_stage, row_stage)])
     numbered = number_stages(couplings, stage, held)
-    found = find_segments(numbered) if numbered is not None else None
-    if found is not None:
-        return BatchedKKT(couplings, stage, found)
-    return MultifrontalKKT(*pattern, stage[:n], stage[n:])
+    return MultifrontalKKT.of_couplings(
+        couplings, stage, None if numbered is None else find_segments(numbered)
+    )

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.choice import new_system
 from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.nlp import Ints
@@ -29,7 +28,7 @@ KEPT_BYTES = 128 * 2**20
 LARGEST = 200_000
 
 _lock = threading.RLock()  # the garbage collector may give one back while another is looked up
-_kept: OrderedDict[bytes, BatchedKKT | MultifrontalKKT] = OrderedDict()
+_kept: OrderedDict[bytes, MultifrontalKKT] = OrderedDict()
 
 
 class StructuredKKT:
@@ -85,7 +84,7 @@ def forget() -> None:
         _kept.clear()
 
 
-def _keep(key: bytes, system: BatchedKKT | MultifrontalKKT) -> None:
+def _keep(key: bytes, system: MultifrontalKKT) -> None:
     """Keep a factorisation that has served, and give up the oldest ones beyond the limits."""
     with _lock:
         _kept[key] = system
