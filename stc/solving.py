@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stc import unfinished
 from stc.collecting import collect
 from stc.deadline import left
-from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way, only_once
+from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way
 from stc.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
 from stc.problem import Problem
 from stc.records import dataclass, field
@@ -198,7 +198,7 @@ def _moving(transcription: Transcription) -> list[NDArray[np.int64]]:
 
 @dataclass(slots=True)
 class ColdSolve:
-    """A solve from a spec's own guess: through fewer frames if there are many, or with their help if it is hard.
+    """A solve from a spec's own guess: through fewer frames if there are many.
 
     Attributes:
         seconds: times by stage; deriving and compiling the motion on fewer frames is counted there and not as solving.
@@ -224,15 +224,12 @@ class ColdSolve:
         if self.transcription.is_quadratic or self.problem.relaxation:
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
+        if fewer is None:
+            return self._fine(self.options, None, self.callback)
         nested = Nested(
             self._coarse, self._between, self._follow, self._alike, self._fine, self.options, self.callback
         )
-        if fewer is not None:
-            return nested.fewer_first(fewer.ratio)
-        self._followed = self.transcription.bind(self.problem.constants)
-        return nested.fewer_for_help(
-            Start(self._followed.x0), lambda fineness: self._reduce(fineness) is not None
-        )
+        return nested.fewer_first(fewer.ratio)
 
     def _reduce(self, fineness: Fineness) -> FewerFrames | None:
         fewer = self.model.on_fewer_frames(self.problem, self.given, fineness)
@@ -273,9 +270,8 @@ class ColdSolve:
             return None
         some, reduced, _ = self._reduced
         start, bound = self.model.follow(motion, reduced, some, few)
-        guess = only_once(lambda _: (Start(reduced.bind(some.constants).x0), 0))
         options = replace(options, warm_start=True, trusting=False)
-        return self._coarse(options, told, replace(start, another=guess), bound), fewer.ratio
+        return self._coarse(options, told, start, bound), fewer.ratio
 
     def _follow(self, motion: Solution) -> Start:
         """The start on all frames at a motion that was solved on fewer."""
