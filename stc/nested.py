@@ -8,6 +8,7 @@ meshes in J. T. Betts, Practical methods for optimal control, 2010, section 4.7)
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from math import ceil, gcd
 
@@ -30,6 +31,7 @@ from stc.solver import IterationRecord, Options, Result, Start, Status
 from stc.solver.status import advice, sentence
 
 __all__ = [
+    "COARSE",
     "FINE",
     "FewerFrames",
     "Fineness",
@@ -59,6 +61,8 @@ FINE = Fineness(50, 25, 6.0)
 then takes as many iterations as from the guess. The factor 6 is the break-even of random motions of twelve kinds: with
 three times fewer frames, both solves take 1.4 times as long as one (swings of rods and cart-poles half as long, motions
 with many optima longer)."""
+COARSE = Fineness(20, 8, 1.6), Fineness(40, 16, 1.6), Fineness(80, 32, 1.6)
+"""Limits where the guess leads nowhere on all frames, tried one after the other."""
 APART = 4.0
 """Least ratio of two numbers of frames between which a third is inserted."""
 ITERATIONS = 150
@@ -274,6 +278,32 @@ class Nested:
             return None
         self._promised = ratio * found.objective
         return self.start(found)
+
+    def fewer_for_help(self, offered: Callable[[Fineness], bool]) -> Result:
+        """The result from the spec's own guess; if that leads nowhere, from the motion on fewer frames.
+
+        Args:
+            offered: whether there are fewer frames to be solved, of that fineness; called when they are needed.
+        """
+        found = self._on_all(self.options, None)
+        with suppress(EndedError):  # while fewer frames were being derived
+            for fineness in COARSE:
+                if found.status not in (Status.FAILED, Status.INFEASIBLE) or self._stopped:
+                    break
+                self._count(found)
+                found = _uncounted(found)
+                if self._over or not offered(fineness):
+                    break
+                before = self._before()
+                if before.status != "optimal" or self._over:
+                    continue
+                other = self._on_all(
+                    replace(self._attempt(), warm_start=True, trusting=False), self.start(before)
+                )
+                if other.status is Status.OPTIMAL:
+                    return self._counted(other)
+                self._count(other)
+        return self._counted(found)
 
     def _on_all(self, options: Options, start: Start | None) -> Result:
         """Solve on all frames, and keep the best of all such solves."""

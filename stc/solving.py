@@ -198,7 +198,7 @@ def _moving(transcription: Transcription) -> list[NDArray[np.int64]]:
 
 @dataclass(slots=True)
 class ColdSolve:
-    """A solve from a spec's own guess: through fewer frames if there are many.
+    """A solve from a spec's own guess: through fewer frames if there are many, or with their help if it is hard.
 
     Attributes:
         seconds: times by stage; deriving and compiling the motion on fewer frames is counted there and not as solving.
@@ -224,12 +224,12 @@ class ColdSolve:
         if self.transcription.is_quadratic or self.problem.relaxation:
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
-        if fewer is None:
-            return self._fine(self.options, None, self.callback)
         nested = Nested(
             self._coarse, self._between, self._follow, self._alike, self._fine, self.options, self.callback
         )
-        return nested.fewer_first(fewer.ratio)
+        if fewer is not None:
+            return nested.fewer_first(fewer.ratio)
+        return nested.fewer_for_help(lambda fineness: self._reduce(fineness) is not None)
 
     def _reduce(self, fineness: Fineness) -> FewerFrames | None:
         fewer = self.model.on_fewer_frames(self.problem, self.given, fineness)

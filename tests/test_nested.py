@@ -203,6 +203,15 @@ class Fake:
         )  # fmt: skip
         return nested.fewer_first(1.0)
 
+    def helped(self, levels: int) -> Result:
+        """From the own guess, with so many numbers of fewer frames to turn to."""
+        offers = iter(range(levels))
+        start = Start(np.zeros(1), np.zeros(1), np.zeros(1))
+        nested = Nested(
+            self.coarse, self.between, lambda _: start, lambda *_: self.alike, self.fine, Options(), None
+        )
+        return nested.fewer_for_help(lambda _: next(offers, None) is not None)
+
     def between(
         self, before: stc.Solution, options: Options, told: object
     ) -> tuple[stc.Solution, float] | None:
@@ -225,6 +234,26 @@ def test_a_better_or_equal_solution_is_taken(small: Model) -> None:
     assert (result.objective, result.iterations, result.factorizations) == (10.2, 9, 18)
     options, start = fake.asked[1]
     assert start is not None and options.warm_start and not options.trusting
+
+
+def test_a_guess_that_leads_nowhere_is_helped_by_fewer_frames(small: Model) -> None:
+    lost, found = ended(Status.FAILED, 5.0, 30), ended(Status.OPTIMAL, 9.0, 4)
+    result = Fake(small, lost, ended(Status.OPTIMAL, 10.0, 7), found).helped(3)
+    assert (result.status, result.objective, result.iterations) == (Status.OPTIMAL, 9.0, 41)
+    # What fails on fewer frames, or from there, is tried with more of them.
+    result = Fake(
+        small, lost, lost, ended(Status.OPTIMAL, 10.0, 7), lost, ended(Status.OPTIMAL, 9.5, 8), found
+    ).helped(3)
+    assert (result.status, result.objective, result.iterations) == (Status.OPTIMAL, 9.0, 109)
+    result = Fake(small, lost, lost).helped(1)
+    assert (result.status, result.objective, result.iterations) == (Status.FAILED, 5.0, 60)
+
+
+@pytest.mark.parametrize(
+    "status", [Status.OPTIMAL, Status.UNBOUNDED, Status.ITERATION_LIMIT, Status.INTERRUPTED]
+)
+def test_what_needs_no_help_gets_none(small: Model, status: Status) -> None:
+    assert Fake(small, ended(status, 5.0, 30)).helped(3).iterations == 30
 
 
 class Alone(Fake):
