@@ -39,9 +39,10 @@ static inline void fetch(const double *workspace, const int32_t *index, double *
     *(four *)(to + 3 * apart) = SHUFFLED(ab, de, 2, 3, 6, 7);
 }
 
-/* A result may take the place of an operand. */
-#define EACH _Pragma("omp simd") for (int64_t k = 0; k < count; k++)
-#define FOLLOW(name, value) case name##_: EACH d[k] = value; break;
+#define FOLLOW(name, value) \
+    case name##_: for (int64_t k = 0; k < count; k += BLOCK) *(four *)(d + k) = value; break;
+#define A (*(const four *)(a + k))
+#define B (*(const four *)(b + k))
 /* Functions are those of C, called for one number after the other. */
 #define CALLED for (int64_t k = 0; k < count; k++)
 #define FOLLOW_CALL(name, value) case name##_: CALLED d[k] = value; break;
@@ -123,12 +124,12 @@ static void follow(const tape_call *t, const instruction *i, const instruction *
             for (int64_t k = 0; k < blocks; k++) *(four *)(to + k * t->out_stride) = *(const four *)(a + BLOCK * k);
             break;
         }
-        FOLLOW(add, a[k] + b[k])
-        FOLLOW(sub, a[k] - b[k])
-        FOLLOW(mul, a[k] * b[k])
-        FOLLOW(div, a[k] / b[k])
-        FOLLOW(neg, -a[k])
-        FOLLOW(sqrt, sqrt(a[k]))
+        FOLLOW(add, A + B)
+        FOLLOW(sub, A - B)
+        FOLLOW(mul, A * B)
+        FOLLOW(div, A / B)
+        FOLLOW(neg, -A)
+        FOLLOW_CALL(sqrt, sqrt(a[k]))
         FOLLOW_CALL(sin, sin(a[k]))
         FOLLOW_CALL(cos, cos(a[k]))
         case sincos_: sincos_of(a, d, c, count); break;

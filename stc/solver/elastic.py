@@ -10,7 +10,7 @@ entry besides its diagonal, and is eliminated first, with its row's stage.
 from __future__ import annotations
 
 import weakref
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,14 +20,13 @@ from stc.core.structures import structure
 from stc.solver.evaluator import Evaluator
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
-from stc.solver.kkt.reuse import StructuredKKT
+from stc.solver.kkt.choice import new_system
 from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
 
 if TYPE_CHECKING:
     from stc.core.calls import Bound
-    from stc.solver.kkt.contract import KKTSystem
 
 __all__ = ["ElasticProblem"]
 
@@ -72,11 +71,11 @@ class ElasticProblem(Formulation):
         self.extra_diagonal = np.zeros(n + 2 * m)
         self._curvature = self.extra_diagonal[:n]
         stages, row_stages = base.nlp.var_stage, base.nlp.row_stage
-        self._factorisation = StructuredKKT(
+        # Not one that another problem has left: its order of elimination would change the last digits.
+        self.kkt = self._factorisation = new_system(
             self.n, m, self.jac_rows, self.jac_cols, self.hess_rows, self.hess_cols,
             np.concatenate([stages, row_stages, row_stages]), row_stages, self.held,
         )  # fmt: skip
-        self.kkt = cast("KKTSystem", self._factorisation)
         self._own_evaluator = base.evaluator()  # of the problem itself
         self.linear = base.linear
 
