@@ -96,7 +96,7 @@ class _PenaltySolves:
     def penalised(self, weight: float, start: Start) -> Result:
         """One pass."""
         program = Penalised(self.nlp, self.pairs, weight)
-        passed = self._solved(program, start.mapped(program.start))
+        passed = self._solved(program, program.start(start))
         return self._as_of(passed, program.all_multipliers(passed.row_multipliers))
 
     def held(self, result: Result) -> Result:

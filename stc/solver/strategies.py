@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from stc.solver.active_set import PATIENCE, bends_upwards, newton_on_active_set, newton_point
@@ -30,9 +28,7 @@ class Strategies:
     def __init__(self, nlp: NLP, options: Options, monitor: Monitor, judgement: Judgement) -> None:
         self.nlp, self.options, self.monitor, self.judgement = nlp, options, monitor, judgement
 
-    def warm(
-        self, form: ScaledProblem, x0: Floats, start: Start, trusting: bool, tactics: Tactics
-    ) -> Outcome:
+    def warm(self, form: ScaledProblem, x0: Floats, start: Start, trusting: bool) -> Outcome:
         """Steps from a neighbour's solution; where they do not converge, a short barrier path to it.
 
         Along a flat valley of the objective that path is a long one. There a parameter that is chosen freely grows
@@ -47,19 +43,19 @@ class Strategies:
             if outcome is not None:
                 return outcome
             if not form.gaps:  # no other active set to be found
-                return self.barrier(form, x0, tactics)
+                return self.barrier(form, x0, Tactics())
         from stc.solver.warm_start import from_neighbour
 
         point, minimum = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, minimum=minimum)
         it = warm_iterate(form, x, y)
-        free = replace(tactics, budget=min(tactics.budget, SHORT_BUDGET))
+        free = Tactics(budget=SHORT_BUDGET)
         outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=free)
         left = self.monitor.limit - self.monitor.iterations
-        if outcome.end is End.CONVERGED or not (outcome.early and form.gaps and tactics.patient and left > 0):
+        if outcome.end is End.CONVERGED or not (outcome.early and form.gaps and trusting and left > 0):
             return outcome
-        held = replace(tactics, adaptive=False, budget=self.options.max_iterations)
+        held = Tactics(adaptive=False, budget=self.options.max_iterations)
         it = warm_iterate(form, x, y)
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=held)
 

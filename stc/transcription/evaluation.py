@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen import reference, threads
-from stc.codegen.kernel import KernelSet
+from stc.codegen import threads
+from stc.codegen.kernel import LANES, KernelSet, compile_tapes
 from stc.core.calls import Bound, chain, chain_until
 from stc.solver.evaluator import Evaluator, Indices, Part, Scaling
-from stc.transcription.assemble import Program, blocks, data_of
+from stc.transcription.assemble import Program, blocks
 from stc.transcription.gather import Copying, add_up, all_same, begin, note, place, total
 from stc.transcription.wanted import Wanted
 
@@ -103,16 +103,18 @@ def _together(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
 def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray, buffer: FloatArray) -> None:
     """Evaluate the constant derivatives into their part of ``buffer``, and sum those of one entry.
 
-    That is done once, and takes less time than compiling it would.
+    That is done once, and takes less time by interpreting than compiling it would.
     """
     for group, data_start, start in zip(
         program.groups, program.data_start, program.constants_start, strict=True
     ):
         tape = group.programs.constants_tape
         if tape.outputs and group.size:
-            values = reference.run(tape, uniform, data_of(workspace, group, data_start))
-            outputs = blocks(values, np.float64).reshape(-1)
-            buffer[start : start + outputs.size] = outputs
+            width = len(group.data)
+            places = data_start + np.arange(width)[:, None] + width * np.arange(group.size)
+            index = blocks(places, np.int32)
+            out = _in_blocks(buffer, start, len(index), len(tape.outputs), LANES)
+            compile_tapes([tape], backend="interpreter")[0](workspace, uniform, index, out)
     for matrix in (program.gradient, program.jacobian, program.hessian):
         for call in matrix.constant_folding.bind(buffer):
             call()

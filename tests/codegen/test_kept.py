@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tape_reference as reference
 
-from stc.codegen import engine, reference
+from stc.codegen import engine
 from stc.codegen.kernel import LANES, compile_tapes
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape, build_tape

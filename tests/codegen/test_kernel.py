@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tape_reference as reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen import engine, reference
+from stc.codegen import engine
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
 from stc.codegen.runs import RUN
 from stc.codegen.tape import OPERATORS, Tape, build_tape

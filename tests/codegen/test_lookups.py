@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import tape_reference as reference
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 from stc.arrays import aligned_zeros
-from stc.codegen import engine, reference
+from stc.codegen import engine
 from stc.codegen.kernel import LANES, Backend, compile_tapes
 from stc.codegen.runs import Runs
 from stc.codegen.tape import Tape, build_tape

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import tape_reference as reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from stc.codegen import engine, reference
+from stc.codegen import engine
 from stc.codegen.kernel import LANES, compile_tapes
 from stc.codegen.runs import RUN, Copies, Runs, find_runs, used_inputs
 from stc.codegen.tape import Tape, build_tape
