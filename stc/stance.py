@@ -493,6 +493,15 @@ def _lowest(geom: Geom, axes: Matrix, up: Matrix) -> list[tuple[Matrix, float, s
     if geom.kind == "box":
         if geom.name and down[2] < -1.0 + 1e-6:
             return [(np.array([0.0, 0.0, -size[2]]), 0.0, f"foot({path_of('geom', geom.name)})")]
+        axis = int(np.abs(down).argmax())
+        if abs(down[axis]) > 1.0 - 1e-6:
+            # It lies on a face: two corners and the middle of the opposite edge, about its centre; three corners would
+            # have the centre on the edge between two of them, and no load on the third.
+            long, short = sorted({0, 1, 2} - {axis}, key=lambda k: -size[k])
+            face: Matrix = np.zeros((3, 3))
+            face[:, axis] = np.sign(down[axis])
+            face[:, long], face[:, short] = (1.0, 1.0, -1.0), (1.0, -1.0, 0.0)
+            return [(size * end, 0.0, "") for end in face]
         corners = [np.array([x, y, z]) for x in (1, -1) for y in (1, -1) for z in (1, -1)]
         return [(size * corner, 0.0, "") for corner in corners]
     return []

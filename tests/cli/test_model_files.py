@@ -308,3 +308,37 @@ def test_a_starter_of_a_car_stands_on_its_wheels(
     assert text.count(", 0, 0, 0), radius = 0.05") == wheels
     assert ("point(geom.caster), friction = 0;" in text) == (wheels == 2)
     assert certify(stc.load("mine.stc").solve()).passed
+
+
+_CRANE = """<mujoco><compiler autolimits="true"/><worldbody><geom type="plane" size="5 5 .1"/>
+  <body name="mast" pos="0 0 1"><geom type="box" size=".1 .1 .3" mass="9"/>
+    <body name="boom" pos="0 0 .3"><joint name="luff" axis="0 -1 0" range="-10 70" damping="5"/>
+      <geom type="capsule" fromto="0 0 0 .9 0 0" size=".03" mass="4"/>
+      <body name="rope" pos=".9 0 -.05"><joint name="swing" type="ball" damping=".02"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".008" mass=".1"/></body></body></body>
+  <body name="load" pos=".9 0 .65"><freejoint/><geom type="box" size=".08 .08 .08" mass="2"/></body>
+  <body name="crate" pos="2 0 .1"><freejoint/><geom type="box" size=".2 .3 .1" mass="1"/></body></worldbody>
+  <equality><connect body1="rope" body2="load" anchor="0 0 -.5"/></equality>
+  <actuator><motor joint="luff" gear="120" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+@pytest.mark.nightly
+def test_a_starter_of_a_crane_holds_its_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The boom begins inside of the mast, the rope ends inside of the load, and a crate lies on the floor.
+
+    With the links of the model as soft as MuJoCo has them the load sinks, and advice names them.
+    """
+    monkeypatch.chdir(tmp_path)
+    Path("crane.xml").write_text(_CRANE, encoding="utf-8")
+    assert run(["new", "mine", "--model", "crane.xml"]) == 0
+    text = Path("mine.stc").read_text(encoding="utf-8")
+    assert "holds a pose" in text.splitlines()[0]
+    assert 'model: "crane.xml" with excludes;' in text
+    assert text.count("point(body.crate") == 3
+    certificate = certify(stc.load("mine.stc").solve(), equations=False)
+    assert certificate.passed, certificate.headline
+    soft = text.replace("  set option.solref.time = 0.0005;\n", "")
+    Path("mine.stc").write_text(soft, encoding="utf-8")
+    certificate = certify(stc.load("mine.stc").solve(), equations=False)
+    assert not certificate.passed
+    assert any("stiffer" in step and "solref" in step for step in certificate.next_steps)
