@@ -51,8 +51,8 @@ _GRAVITY = 9.81
 _GRIP = 0.7
 
 
-#: What is added to the URDF of a robot that stands on legs, in words of the language.
-_OF_LEGS = ("freejoint", "motors", "floor")
+#: What is added to the URDF of a robot that stands on legs or wheels, in words of the language.
+_TO_STAND = ("freejoint", "motors", "floor")
 
 #: Joints by their paths, and values.
 Changes = Sequence[tuple[str, float]]
@@ -158,14 +158,16 @@ def _with_others(text: str, others: Sequence[str]) -> str:
 def _completed(file: Path) -> tuple[Mechanism, str]:
     """A model without what cannot be stated, and the words in which a spec says so.
 
-    To a URDF are added motors, and where it stands on legs or cannot move else also what lets it stand.  Many a model
-    of a robot leaves the floor to another file, which includes it.
+    To a URDF are added motors, and where it stands on legs or wheels or cannot move else also what lets it stand.  Many
+    a model of a robot leaves the floor to another file, which includes it.
     """
     plain = read_model(file)
     left = sorted({refusal.kind for refusal in refusals(plain)})
     added: tuple[str, ...] = ()
-    if plain.is_urdf:
-        added = _OF_LEGS if not plain.joints or _has_legs(file) else ("motors",)
+    if plain.is_urdf and _travels(plain, objects(plain)):
+        added = ("motors", "floor")
+    elif plain.is_urdf:
+        added = _TO_STAND if not plain.joints or _stands(file) else ("motors",)
     else:
         if len(read_model(file, additions=("excludes",)).excluded) > len(plain.excluded):
             added += ("excludes",)
@@ -177,13 +179,13 @@ def _completed(file: Path) -> tuple[Mechanism, str]:
     return without(mechanism, left), "".join(f" {each}" for each in words)
 
 
-def _has_legs(file: Path) -> bool:
-    """Whether a model whose root is free would stand on legs."""
+def _stands(file: Path) -> bool:
+    """Whether a model whose root is free would stand on legs or wheels."""
     try:
-        free = read_model(file, additions=_OF_LEGS)
+        free = read_model(file, additions=_TO_STAND)
     except ModelFileError:  # a root without mass is no moving body
         return False
-    return Stance(free, free.start).has_legs(_NEAR)
+    return Stance(free, free.start).stands(_NEAR)
 
 
 #: What becomes of a page that is not solved.

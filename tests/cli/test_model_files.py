@@ -238,6 +238,35 @@ def test_a_starter_of_a_urdf_with_legs(tmp_path: Path, monkeypatch: pytest.Monke
     assert run(["run", "mine"]) == 0
 
 
+_WHEELS = "".join(
+    f"""<link name="wheel{k}"><inertial><mass value=".3"/><inertia ixx=".001" iyy=".001" izz=".001" ixy="0" ixz="0"
+    iyz="0"/></inertial><collision><geometry><cylinder radius=".06" length=".03"/></geometry></collision></link>
+    <joint name="axle{k}" type="continuous"><parent link="trunk"/><child link="wheel{k}"/><axis xyz="0 0 1"/>
+    <origin xyz="{x} {y} .06" rpy="-1.5707963267948966 0 0"/></joint>"""
+    for k, (x, y) in enumerate([(-0.1, 0.1), (-0.1, -0.1), (0.1, 0.1), (0.1, -0.1)])
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "root", "parts", "words"),
+    [
+        ("world", "floating", _URDF_LEG.format(n="F", x=0, y=0), "motors, floor"),
+        ("base", "fixed", _WHEELS, "freejoint, motors, floor"),
+    ],
+)
+def test_a_urdf_that_is_free_or_on_wheels_gets_a_floor(
+    name: str, root: str, parts: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(model_starter, "_SECONDS", 0.0)  # nothing is solved
+    monkeypatch.chdir(tmp_path)
+    trunk = f"""<link name="{name}"/><link name="trunk"><inertial><mass value="6"/><inertia ixx=".03" iyy=".1" izz=".1"
+      ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="mount" type="{root}"><parent link="{name}"/>
+      <child link="trunk"/></joint>"""
+    Path("robot.urdf").write_text(f'<robot name="robot">{trunk}{parts}</robot>', encoding="utf-8")
+    assert run(["new", "mine", "--model", "robot.urdf"]) == 0
+    assert f'model: "robot.urdf" with {words};' in Path("mine.stc").read_text(encoding="utf-8")
+
+
 def test_words_for_what_is_added(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "arm.urdf").write_text(_ARM.format(more=""), encoding="utf-8")
     (tmp_path / "arm.stc").write_text(
