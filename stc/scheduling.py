@@ -40,8 +40,9 @@ SHORTEST_FLIGHT = 2
 #: Farther than this, in m, a contact slides that moves while it bears something; on frames on which it is faster than
 #: this, in m/s.
 SLIDES, SLOWLY = 0.01, 1e-2
-#: By how many steps the time between two changes of contact may change, and the least share of it that remains.
-ROOM, LEAST = 1.5, 0.2
+#: By how many steps the time between two changes of contact may change, and the least share of it that remains; it
+#: grows by the inverse of that at most.
+ROOM, LEAST = 1.5, 0.5
 #: What the new spec calls the motion that it starts from.
 STEPS = "steps"
 
@@ -178,7 +179,8 @@ def _with_paces(text: str, ranges: Mapping[str, Sequence[Range]], n: int) -> str
         lines.append(f"  [{first}*n/{n}, {first + frames}*n/{n} - 1]: h = {name}*{even};")
     lines += ["constraints:", f"  {' + '.join(f'{frames}*{name}' for _, frames, name in paces)} = {n};"]
     for _, frames, name in paces:
-        lines.append(f"  {max(LEAST, 1.0 - ROOM / frames):.6g} <= {name} <= {1.0 + ROOM / frames:.6g};")
+        least, most = max(LEAST, 1.0 - ROOM / frames), min(1.0 / LEAST, 1.0 + ROOM / frames)
+        lines.append(f"  {least:.6g} <= {name} <= {most:.6g};")
     lines.append(f"guess: {' '.join(f'{name} = 1;' for _, _, name in paces)}\n")
     place = steps[0]
     return text[: place.start] + even + text[place.end :] + "\n".join(lines)
