@@ -28,23 +28,27 @@ __all__ = ["Penalised"]
 class Penalised:
     """``nlp`` with its complementary products in the objective: :class:`stc.solver.nlp.NLP`.
 
+    With ``room`` the products remain rows, each of which may be as large as that (Scholtes 2001).
+
     Attributes:
         whole: the program with rows for the products.
         weight: of the penalty.
         kept: which of its rows are left, (m,).
     """
 
-    def __init__(self, nlp: NLP, pairs: Pairs, weight: float) -> None:
+    def __init__(self, nlp: NLP, pairs: Pairs, weight: float, room: float | None = None) -> None:
         self.whole, self.weight = nlp, weight
         self.keeper = Keeper()
         left = np.ones(nlp.m, bool)
-        left[pairs.product] = False
+        left[pairs.product] = room is not None
         self._product = np.flatnonzero(~left)
         self.kept = np.flatnonzero(left)
         self.n, self.m = nlp.n, self.kept.size
         self.x0 = np.asarray(nlp.x0, float)
         self.x_lower, self.x_upper = nlp.x_lower, nlp.x_upper
         self.row_lower, self.row_upper = nlp.row_lower[self.kept], nlp.row_upper[self.kept]
+        if room is not None:
+            self.row_upper[pairs.product] += room
         of_kept = left[nlp.jac_rows]
         self._jac, self._product_jac = np.flatnonzero(of_kept), np.flatnonzero(~of_kept)
         self.jac_rows = (np.cumsum(left) - 1)[nlp.jac_rows[self._jac]].astype(np.int32)
