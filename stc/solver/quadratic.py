@@ -9,7 +9,7 @@ K. Ito and K. Kunisch, SIAM J. Optim. 13, 2002).  Where a whole arc of a path ov
 top touches the bound in the solution; an arc that is held there pulls to and fro, and takes many sets to come loose.
 So only those become active that are met early on the way from the last step to this one, as the ratio test of methods
 that add one bound at a time has it (J. Nocedal and S. J. Wright, Numerical Optimization, 2006, section 16.5).  That
-need not end; as soon as more constraints are wrong than before, the rest is done one by one, from the set with the
+need not end; as soon as no fewer constraints are wrong than before, the rest is done one by one, from the set with the
 fewest (:mod:`stc.solver.active_set_path`; blocks first, then single ones: J. J. Judice and F. M. Pires, A block
 principal pivoting algorithm for large-scale strictly monotone linear complementarity problems, 1994).
 """
@@ -31,7 +31,7 @@ from stc.solver.constants import ACCURATE, HALF
 from stc.solver.nlp import Floats
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.primal_dual import PrimalDual
-from stc.solver.products import NOTHING, term_sums
+from stc.solver.products import term_sums
 from stc.solver.scaled_problem import RELAXATION, ScaledProblem
 
 __all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
@@ -125,7 +125,6 @@ class QuadraticProgram:
         form = self.form
         n, m = form.n, form.m
         active, way, best, fewest = guess, np.zeros(n + m), guess, n + m + 1
-        one_by_one = False
         for _ in range(CHANGES):
             self._check()
             fixed_d = np.empty(n)
@@ -141,15 +140,10 @@ class QuadraticProgram:
             faults = int(np.count_nonzero(beyond)) + int(np.count_nonzero(wrong))
             if faults == 0:
                 return QuadraticSolution(d, y, self._fixed * pull, active)
-            if one_by_one:
-                at = self._bounded
-                low, high = (room[at] for room in self._room)
-                first = signs[at].astype(float)
-                path = ActiveSetPath(first, way[at], multipliers[at], low, high, self._response)
-                if not path.follow():
-                    return None
-                signs[at] = path.signs
-            elif faults < fewest:
+            if faults > fewest:
+                active = best
+                continue
+            if faults < fewest:
                 best, fewest = active, faults
                 share = np.zeros(way.size)  # of the way, which is beyond
                 np.divide(beyond, np.abs(way - before), out=share, where=beyond > 0.0)
@@ -157,8 +151,13 @@ class QuadraticProgram:
                 signs[wrong] = 0
                 signs[met] = np.where(way > self._room[1], 1, -1)[met]
             else:
-                active, one_by_one = best, True
-                continue
+                at = self._bounded
+                low, high = (room[at] for room in self._room)
+                first = signs[at].astype(float)
+                path = ActiveSetPath(first, way[at], multipliers[at], low, high, self._response)
+                if not path.follow():
+                    return None
+                signs[at], fewest = path.signs, n + m + 1
             active = ActiveSet(signs[:n], signs[n:])
         return None
 
@@ -236,7 +235,7 @@ class QuadraticProgram:
         free = 1.0 - self._fixed
         d, y, pull, moved = fixed_d.copy(), np.zeros(m), np.empty(n), np.empty(m)
         left = np.inf
-        kkt.accuracy[0] = NOTHING  # the rest is left to the refinement here
+        kkt.accuracy[0] = ACCURATE * self.tolerance  # the rest is left to the refinement here
         for _ in range(1 + REFINEMENTS):
             kkt.solve_call()
             kkt.check_solution()
