@@ -5,7 +5,8 @@
 #include "multifrontal.h"
 #include "substitute.h"
 
-/* A scale serves as long as the largest entries of all rows are within this factor of 1. */
+/* A scale serves as long as the largest entries of all rows are within this factor of 1.  With 1024 for fronts alone, hops and
+ * swings take 0.95 of the time, but a mass is not moved in the least time any more where its units are 1e6. */
 #define STALE 4.0
 #define STALE_OF_SEGMENTS 1024.0
 
