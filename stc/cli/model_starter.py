@@ -251,9 +251,9 @@ class _Pages:
         self.travels = _travels(mechanism, loose)
         things = Stance(mechanism, q, frozenset(range(len(mechanism.bodies))) - loose)
         self.lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
-        falls = bool(things.spots) and not self.lying
-        # What falls is left to itself for as long as it touches nothing.
-        self.most = 0.9 * math.sqrt(2.0 * max(0.0, things.height()) / _GRAVITY) if falls else math.inf
+        # What falls is left to itself for as long as it touches nothing; what is drawn in the floor slides along it.
+        falls = things.height() > _LEVEL
+        self.most = 0.9 * math.sqrt(2.0 * things.height() / _GRAVITY) if falls else math.inf
 
     def _page(self, title: str, seconds: float = 0.5, **more: Any) -> _Page:
         seconds = seconds if seconds < self.most else float(f"{self.most:.1g}")

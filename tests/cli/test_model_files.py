@@ -130,6 +130,19 @@ def test_a_starter_of_a_robot_of_others_stands_and_passes_validation(
     assert certificate.passed, certificate.headline
 
 
+@pytest.mark.nightly
+def test_a_starter_of_an_arm_holds_it_beside_an_object_drawn_in_the_floor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The cylinder that gymnasium's arm pushes slides along the table: it does not fall, and takes no part."""
+    gymnasium = pytest.importorskip("gymnasium")
+    path = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / "pusher.xml"
+    monkeypatch.chdir(tmp_path)
+    assert run(["new", "mine", "--model", str(path)]) == 0
+    assert "holds a pose" in Path("mine.stc").read_text(encoding="utf-8").splitlines()[0]
+    assert certify(stc.load("mine.stc").solve(), equations=False).passed
+
+
 def test_a_starter_of_a_model_that_is_too_large_to_be_tried_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
