@@ -33,8 +33,9 @@ __all__ = ["found_ranges", "write_schedule"]
 Range = tuple[int, int, str]
 """First and last frame, and the direction in which the contact slides; empty if it stands."""
 
-#: A contact stands where it bears this share of the weight.
-BEARS = 1e-2
+#: A contact stands where it bears this share of the weight; at the first and the last frame also where its gap is less
+#: than this, in m.
+BEARS, TOUCHES = 1e-2, 1e-4
 #: A flight of fewer frames than this between two stances is none: steps are not that fine.
 SHORTEST_FLIGHT = 2
 #: Farther than this, in m, a contact slides that moves while it bears something; on frames on which it is faster than
@@ -68,10 +69,12 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
     recovery = stated.recovery(solution.x, solution.constants)
     steps = np.append(0.0, np.diff(solution.time))
 
-    stances = {
-        contact.name: _stances(recovery.channel(contact.pressure).before > BEARS * contact.weight)
-        for contact in contacts
-    }
+    stances = {}
+    for contact in contacts:
+        stands = recovery.channel(contact.pressure).before > BEARS * contact.weight
+        for end in (0, -1):  # a flight beyond an end would begin off the surface
+            stands[end] |= all(recovery.channel(gap).before[end] < TOUCHES for gap in contact.gaps)
+        stances[contact.name] = _stances(stands)
     landings = {first for some in stances.values() for first, _ in some}
     found: dict[str, list[Range]] = {}
     for contact in contacts:

@@ -52,11 +52,13 @@ def by_penalty(
     weight = _first_weight(nlp, pairs, start)
     convex = is_convex(Penalised(nlp, pairs, 1.0))
     best: Result | None = None
-    for results, proves in (
+    rounds = [
         (_weighted(solves, weight, start), convex),
-        (_relaxed(solves, start), False),
         (_weighted(solves, FIRST_WEIGHT * weight, start), convex),
-    ):
+    ]
+    if options.retries:
+        rounds.insert(1, (_relaxed(solves, start), False))
+    for results, proves in rounds:
         for result in results:
             best = result if best is None or solves.is_better(result, best) else best
             if solves.ends(result) or (result.status is Status.INFEASIBLE and proves):

@@ -255,6 +255,14 @@ constraints: [0]: joint.x; joint.z; joint.x' = v; joint.z';
 PLANAR = BLOCK.replace('<joint name="y" type="slide" axis="0 1 0"/>', "")
 
 
+def test_a_contact_that_never_stands_bears_nothing(tmp_path: Path) -> None:
+    """What is declared without ranges leaves a body to fall."""
+    solution = load(tmp_path, PLANAR, SLIDE.replace("[0, n]: foot slides WAY;", "")).solve()
+    assert solution.status == "optimal"
+    assert values(solution, "joint.z")[-1] == pytest.approx(-G * 0.4**2 / 2, rel=1e-9)
+    assert not values(solution, "foot_fz").any()
+
+
 @pytest.mark.parametrize(("way", "sign"), [("forward", 1.0), ("backward", -1.0)])
 def test_what_slides_is_slowed_by_its_friction(tmp_path: Path, way: str, sign: float) -> None:
     solution = load(tmp_path, PLANAR, SLIDE.replace("WAY", way)).solve(v=2 * sign)
