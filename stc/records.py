@@ -47,7 +47,7 @@ _FIELDS = "__dataclass_fields__"
 
 
 def _made(plain: type, frozen: bool, slots: bool, eq: bool, repr: bool, kw_only: bool) -> type:
-    """The data class of a class."""
+    """A class with the fields that another one annotates, as a data class."""
     names = dict(plain.__dict__)
     own = {
         name: (annotation, names.get(name, MISSING), kw_only)
