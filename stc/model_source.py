@@ -28,7 +28,7 @@ class Opened:
     Attributes:
         spec: its description, which may be changed and compiled again.
         model: compiled.
-        told: what MuJoCo has said of it.
+        told: MuJoCo's warnings while it compiled the model.
         changes: what of a URDF is left out or changed to make a model of it, each in a sentence; shapes that are only
             to be seen are left out without a word.
     """
@@ -194,9 +194,9 @@ def _load(element: mujoco.MjsMesh, mesh: Mesh) -> None:
 
 
 def _possible_inertias(spec: mujoco.MjSpec) -> list[str]:
-    """Change inertias that no body can have, of which MuJoCo makes no model, as little as makes them possible.
+    """Replace inertias that no rigid body can have, and that MuJoCo refuses, by the nearest possible ones.
 
-    URDFs have such ones by rounding, of links that stand for nothing, and by mistake.
+    URDFs contain them because numbers were rounded, for links without a body, and by mistake.
 
     Returns
     -------

@@ -131,7 +131,7 @@ def _pieces(count: int, pieces: float, multiple: int = 8) -> Iterator[slice]:
 
 
 def _effort(program: Program, kernels: KernelSet, values: bool) -> float:
-    """The number of pieces."""
+    """The number of pieces (see ``OPERATIONS``) that an evaluation amounts to."""
     first = 0 if values else len(program.groups)
     operations = sum(group.size * len(kernels.tapes[first + k].ops) for k, group in enumerate(program.groups))
     numbers = program.values_size if values else program.varying_size
