@@ -71,17 +71,13 @@ def _processors() -> int:
         return os.cpu_count() or 1
 
 
-#: How often a list has been timed; the nanoseconds that it took alone and with help lately; how many runs are left
-#: until it is tried the other way, and how many there are from one try to the next.
+#: How often a list has been timed, and the nanoseconds that it took alone and with help lately.
 Record = ctypes.Array[ctypes.c_int64]
-
-#: Runs until the other way is tried for the first time.
-_SHORTEST = 8
 
 
 def record() -> Record:
     """A record in which no time has been measured yet."""
-    return (ctypes.c_int64 * 5)(0, 0, 0, _SHORTEST, _SHORTEST)
+    return (ctypes.c_int64 * 3)()
 
 
 def parallel(phases: Sequence[Sequence[Bound]], known: Record | None = None) -> Bound:
