@@ -75,7 +75,7 @@ def kernel_calls(
             pieces = max(blocks * work / OPERATIONS, blocks * width / OUTPUTS) if cut else 1
             for piece in _pieces(blocks, pieces, 2):
                 given = None if kept is None else kept[piece]
-                call = kernels.bind(number, workspace, uniform, index[piece], out[piece], given)
+                call = kernels[number].bind(workspace, uniform, index[piece], out[piece], given)
                 ends = start + piece.start * width, start + piece.stop * width
                 calls.append(Piece(call, *ends, work * (piece.stop - piece.start)))
     return calls

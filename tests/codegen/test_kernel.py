@@ -211,7 +211,7 @@ def test_many_tapes() -> None:
     assert len(kernels) == 3
     for k, tape in enumerate([first, second, first]):
         setting = Setting(tape, 6, k)
-        kernels.bind(k, *setting.arguments)()
+        kernels[k].bind(*setting.arguments)()
         np.testing.assert_allclose(setting.out, setting.expected(), rtol=1e-12)
     assert not kernels.cached
 
@@ -334,7 +334,7 @@ def test_wrong_arrays_are_refused(change: dict[str, Any], message: str, backend:
     with pytest.raises(ValueError, match=message):
         kernels[0](*arguments.values())
     with pytest.raises(ValueError, match=message):
-        kernels.bind(0, *arguments.values())
+        kernels[0].bind(*arguments.values())
 
 
 def test_aligned_zeros() -> None:
