@@ -46,7 +46,7 @@ def limit(threads: int | None) -> None:
     _limit = threads
     with _starting:
         for helper in filter(None, _found):
-            helper.allow(allowed() > 1)
+            helper.pool.allowed = int(allowed() > 1)
 
 
 def allowed() -> int:
@@ -122,10 +122,6 @@ class _Helper:
 
     def _work(self) -> None:
         core.library().pool_serve(self.pool)
-
-    def allow(self, wanted: bool) -> None:
-        """Whether calls may make use of the thread from now on."""
-        self.pool.allowed = int(wanted)
 
     def stop(self) -> None:
         """Ends the thread; calls go on without it."""
