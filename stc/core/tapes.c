@@ -7,7 +7,19 @@
  * stc/codegen/interpreter.py writes the instructions.
  */
 #include "calls.h"
-#include "tapes.h"
+
+/* The instructions of tapes, by number: those that move values, those of tapes (stc/codegen/tape.py), and sine and cosine
+ * together. */
+#define INSTRUCTIONS(each) \
+    each(uniform) each(literal) each(fetch) each(kept) each(store) \
+    each(add) each(sub) each(mul) each(div) each(pow) each(neg) each(sqrt) \
+    each(sin) each(cos) each(tan) each(asin) each(acos) each(atan) each(atan2) \
+    each(sinh) each(cosh) each(tanh) each(exp) each(log) \
+    each(clip) each(reaches) each(read) \
+    each(sincos)
+
+#define NUMBERED(name) name##_,
+enum { INSTRUCTIONS(NUMBERED) };
 
 enum {
     BLOCK = 4,            /* instances that lie beside each other in memory */
@@ -96,6 +108,10 @@ static const void *const functions[] = {FUNCTIONS(LISTED) LISTED(sincos, ) LISTE
 
 const void *const *tape_functions(void) { return functions; }
 
+#define SPELLED(name) #name " "
+
+const char *tape_instructions(void) { return INSTRUCTIONS(SPELLED); }
+
 /* --- Instructions. */
 
 /* Some instructions for some blocks, the first of which is `block`. */
@@ -166,6 +182,16 @@ int64_t tape_run(tape_call *t) {
     for (int64_t block = 0; block < t->blocks; block += CHUNK) {
         const int64_t left = t->blocks - block, blocks = left < CHUNK ? left : CHUNK;
         follow(t, body, end, block, blocks);
+    }
+    return 0;
+}
+
+/* --- A list of calls. */
+
+int64_t chain_run(const chain *c) {
+    for (int64_t k = 0; k < c->count; k++) {
+        const chained *each = c->part + k;
+        if (each->entry(each->arguments) & each->checked) return k + 1;
     }
     return 0;
 }

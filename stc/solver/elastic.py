@@ -142,7 +142,7 @@ class ElasticProblem(Formulation):
                 function("point_copy").bind(base.n, it.w, plain.x),
                 plain.values_call,
                 base.violation_call(plain.x, plain.r, violation),
-                function("elastic_state").bind(base.objective_unit, plain.f, stated),
+                function("gather_place").bind(1, plain.f, np.array([1.0 / base.objective_unit]), stated),
             ]
         )
 

@@ -119,24 +119,16 @@ class Penalised:
         own.x, own.weight, own.hess = inner.x, inner.weight, inner.hess
         own.values_status, own.derivatives_status = inner.values_status, inner.derivatives_status
         count = self._product.size
-        take_values = _take_values.bind(
+        take_values = function("elastic_take_values").bind(
             self.m, self.kept, count, self._product, inner.f, inner.r, own.f, own.r
         )
-        give_multipliers = _give_multipliers.bind(
+        give_multipliers = function("elastic_give_multipliers").bind(
             self.m, self.kept, count, self._product, own.y, own.weight, inner.y
         )
-        take_derivatives = _take_derivatives.bind(
+        take_derivatives = function("elastic_take_derivatives").bind(
             self.n, self._jac.size, self._jac, self._product_jac.size, self._product_jac, self._product_cols,
             inner.gradient, inner.jac, own.gradient, own.jac,
         )  # fmt: skip
         own.values_call = chain([inner.values_call, take_values])
         own.derivatives_call = chain([give_multipliers, inner.derivatives_call, take_derivatives])
         return own
-
-
-#: Rows that are left, and the objective with the others.
-_take_values = function("elastic_take_values")
-#: Those of rows that are left as they are, those of products the factor of the objective.
-_give_multipliers = function("elastic_give_multipliers")
-#: The Jacobian of rows that are left, and the gradient with the others.
-_take_derivatives = function("elastic_take_derivatives")

@@ -35,7 +35,7 @@ from stc.solver.status import (
     advice,
     sentence,
 )
-from stc.solver.strategies import Strategies
+from stc.solver.strategies import Strategies, least_violation
 from stc.solver.unboundedness import falling_to
 
 __all__ = ["minimize"]
@@ -248,8 +248,6 @@ class _Solve:
         if best is not None and best[0] <= self.options.feasibility_tolerance:
             return outcome
         if self._least is None:
-            from stc.solver.feasible_start import least_violation
-
             assert isinstance(outcome.form, ScaledProblem)
             x0 = between(np.asarray(self.start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
             form = self.rescalings.scaled_anew(outcome.form, x0, outcome.form.objective_factor)

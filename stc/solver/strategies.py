@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stc.solver.active_set import PATIENCE, bends_upwards, newton_on_active_set, newton_point
-from stc.solver.constants import ACCURATE
+from stc.solver.constants import ACCURATE, SMALL_VIOLATION
 from stc.solver.formulation import Formulation
 from stc.solver.interior import optimise
 from stc.solver.iterate import Iterate
@@ -13,13 +13,13 @@ from stc.solver.judgement import Judgement
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.outcome import SHORT_BUDGET, End, Outcome, Tactics
+from stc.solver.outcome import BUDGET, SHORT_BUDGET, End, Outcome, Tactics
 from stc.solver.report import Start
-from stc.solver.restoration import meet_rows
+from stc.solver.restoration import elastic_of, meet_rows, returned
 from stc.solver.scaled_problem import NEARBY, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 
-__all__ = ["Strategies"]
+__all__ = ["Strategies", "least_violation"]
 
 
 class Strategies:
@@ -125,3 +125,31 @@ class Strategies:
         f, r = self.nlp.values(moved)
         tactics = Tactics(budget=self.options.max_iterations)
         return self.barrier(form, moved if np.isfinite(f + r.sum()) else x0, tactics)
+
+
+def least_violation(
+    form: ScaledProblem, x: Floats, options: Options, monitor: Monitor
+) -> tuple[End | None, Outcome]:
+    """Minimise the sum of the violations from ``x`` (n,), without a limit of the distance.
+
+    A restoration keeps near where it begins and close to the bounds that hold there; this begins far inside of them.
+
+    Returns:
+        None where the rows are met, at least nearly, else why to stop there; and the outcome, in terms of ``form``.
+
+    Raises:
+        Stopped: at a limit or on the user's request.
+    """
+    it = cold_iterate(form, x / form.x_scale, by_gaps=False)
+    elastic = elastic_of(form)
+    elastic.stay_near(it.w[: form.n], 0.0)
+    mu = max(options.initial_barrier, float(np.abs(it.c).max(initial=0.0)))
+    start = elastic.start(it.w, np.zeros(form.m), it.z, mu)
+    outcome = optimise(elastic, start, mu, options, monitor, tactics=Tactics(budget=BUDGET))
+    end = returned(form, it, elastic, outcome, options.feasibility_tolerance)
+    own = it.w[: form.n].copy()
+    if (
+        end is None and form.violation(own, it.r) > SMALL_VIOLATION
+    ):  # which a search with the objective does not meet
+        end = End.STUCK
+    return end, Outcome(end or End.CONVERGED, form, own, it.y.copy(), outcome.error, it)

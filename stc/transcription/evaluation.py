@@ -18,7 +18,7 @@ from stc.codegen.kernel import LANES, KernelSet, compile_tapes
 from stc.core.calls import Bound, chain, chain_until
 from stc.solver.evaluator import Evaluator, Indices, Part, Scaling
 from stc.transcription.assemble import Program, blocks
-from stc.transcription.gather import Copying, add_up, all_same, begin, note, place, total
+from stc.transcription.gather import add_up, all_same, begin, note, place, total
 from stc.transcription.wanted import Wanted
 
 FloatArray = NDArray[np.float64]
@@ -75,7 +75,7 @@ def kernel_calls(
             pieces = max(blocks * work / OPERATIONS, blocks * width / OUTPUTS) if cut else 1
             for piece in _pieces(blocks, pieces, 2):
                 given = None if kept is None else kept[piece]
-                call = kernels.bind(number, workspace, uniform, index[piece], out[piece], given)
+                call = kernels[number].bind(workspace, uniform, index[piece], out[piece], given)
                 ends = start + piece.start * width, start + piece.stop * width
                 calls.append(Piece(call, *ends, work * (piece.stop - piece.start)))
     return calls
@@ -221,7 +221,6 @@ class Evaluation:
         values_buffer, derivatives_buffer: what they write.
         keeps: whether the derivatives kernels take what the values kernels have found; ``noted`` are the variables
             that these were evaluated for, (n,).
-        copies_for_values, copies_for_derivatives: what copies within the workspace before.
         foldings: what adds up outputs of gradient, Jacobian and Hessian.
         values_kernels, derivatives_kernels: the kernels alone: what is at ``workspace`` in, their buffers out.
         counts: how often values and derivatives were evaluated.
@@ -241,8 +240,6 @@ class Evaluation:
         self.noted = np.full(self.n, np.nan)  # for none yet
         self._wanted: list[tuple[Part | None, Wanted]] = []
         self._pieces: dict[tuple[bool, bool], list[Piece]] = {}
-        self.copies_for_values = copied_within(workspace, program.copied_values)
-        self.copies_for_derivatives = copied_within(workspace, program.copied_derivatives)
         matrices = program.gradient, program.jacobian, program.hessian
         self.foldings = [matrix.folding.bind(self.derivatives_buffer) for matrix in matrices]
         self.values_kernels = chain([piece.call for piece in self.pieces(values=True, cut=False)])
@@ -301,13 +298,6 @@ def _shared(nlp: Evaluation, values: bool) -> bool:
     )
 
 
-def copied_within(workspace: FloatArray, positions: tuple[Indices, Indices]) -> list[Bound]:
-    """Copy within the workspace the values that kernels need side by side."""
-    source, target = positions
-    unread = np.zeros(1)  # numbers that no wanted entry depends on need not be finite
-    return Copying.of(source, target).bind(workspace, np.ones(len(source)), workspace, unread)
-
-
 def _values_call(
     nlp: Evaluation, its: Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
 ) -> Bound:
@@ -316,7 +306,7 @@ def _values_call(
     variables = nlp.workspace[: nlp.n]
     steps.phases = [
         steps.place_variables(result.x, scaling.variable, its, variables),
-        [*nlp.copies_for_values, *(steps.note(variables, nlp.noted) if nlp.keeps else [])],
+        steps.note(variables, nlp.noted) if nlp.keeps else [],
         [piece.call for piece in nlp.pieces(values=True, cut=shared)],
         [
             total(buffer, nlp.program.objective_source, objective, result.f, steps.cell()),
@@ -371,10 +361,10 @@ def _derivatives_call(
         notes = steps.note(variables, nlp.noted)
         calls = [piece.call for piece in nlp.pieces(values=True, cut=shared)]
         if shared:
-            yield [*notes, *nlp.copies_for_values]
+            yield notes
             yield [unless(all_same(steps.same), [call]) for call in calls]
         else:
-            yield [unless(notes[0], [*nlp.copies_for_values, *calls])]
+            yield [unless(notes[0], calls)]
 
     steps.phases = [
         [
@@ -383,7 +373,6 @@ def _derivatives_call(
             place(result.weight, objective, nlp.factor),
         ],
         *values(),
-        nlp.copies_for_derivatives,
         [
             *constants(),
             *(

@@ -13,14 +13,13 @@ from symbolic_program import INF, SymbolicProgram
 from stc.solver import Options
 from stc.solver.curvature import largest_step
 from stc.solver.elastic import ElasticProblem
-from stc.solver.filter import Filter
 from stc.solver.kkt.contract import Inertia
 from stc.solver.newton_system import NewtonSystem
 from stc.solver.projection import Projection
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem, relative_violation
 from stc.solver.starting import cold_iterate, warm_iterate
-from stc.solver.workspace import Workspace
+from stc.solver.workspace import Filter, Workspace
 
 
 @given(st.integers(0, 1000))

@@ -10,8 +10,8 @@ from symbolic_program import SymbolicProgram
 
 import stc
 from stc.solver import Options, Status, minimize
-from stc.solver.filter import ROOM, Filter
 from stc.solver.kkt import MultifrontalKKT, structured_kkt
+from stc.solver.workspace import ROOM, Filter
 
 #: The margins of a filter (line_search.c).
 GAMMA_THETA, GAMMA_PHI = 1e-5, 1e-8

@@ -29,8 +29,6 @@ void elastic_derivatives(elastic_program *e) {
     point_copy(e->jac_entries, e->own->jac, e->at->jac);
 }
 
-void elastic_state(double unit, const double *f, double *stated) { stated[0] = f[0] / unit; }
-
 void elastic_take_values(int64_t m, const int64_t *restrict kept, int64_t count, const int64_t *restrict product,
                          const double *restrict all_f, const double *restrict all_r, double *restrict f,
                          double *restrict r) {

@@ -20,8 +20,6 @@ typedef API_STRUCT {
 API void elastic_values(elastic_program *e);
 /* But for the parts of p and q, which are constant. */
 API void elastic_derivatives(elastic_program *e);
-/* Note the problem's own objective in the user's terms. */
-API void elastic_state(double unit, const double *f, double *stated);
 
 /* Rows that are left, and the objective with the others. */
 API void elastic_take_values(int64_t m, const int64_t *kept, int64_t count, const int64_t *product,
