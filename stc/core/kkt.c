@@ -239,7 +239,6 @@ failed:
 /* Forget which small pivots have been found to be regular. */
 static void suspect_all(kkt_state *s) {
     for (int32_t i = 0; i < s->size; i++) s->regular[i] = INFINITY;
-    s->judged_by = s->k->certain;
 }
 
 static kkt *whole_of(const kkt *k) { return (kkt *)(intptr_t)k->whole; }
@@ -381,7 +380,6 @@ static int64_t factorize(kkt *k, int needed) {
     s->fresh = 0;
     if (ended > KKT_OK) return ended;
     if (first && plan_rest(s)) return KKT_NO_MEMORY;
-    if (k->certain != s->judged_by) suspect_all(s);
     s->wasted_here = 0;
     if (ended == KKT_OK) ended = factorize_rest(s, needed);
     if (ended == KKT_NO_MEMORY) return ended;
@@ -413,7 +411,6 @@ static int64_t factorize_whole(kkt *k, int needed) {
     kkt *whole = whole_of(k);
     if (!whole->state && kkt_new(whole)) return KKT_NO_MEMORY;
     whole->threshold = k->threshold;
-    whole->certain = k->certain;
     int64_t ended = factorize(whole, needed);
     k->nonzeros = whole->nonzeros;
     k->operations = whole->operations;

@@ -93,7 +93,6 @@ typedef API_STRUCT {
     int64_t *inertia;                   /* (3,): positive, negative, zero */
     /* What can be set at any time; it counts from the next factorisation on. */
     double threshold;                   /* u, between 0 and 0.5 */
-    double certain;                     /* small pivots so many times larger than the noise in them are no zeros; huge: all are */
     double fine;                        /* what accuracy[0] is set to by a factorisation */
     int64_t replan;                     /* 1: plan the elimination anew with the next matrix */
     int64_t careful;                    /* 1: without segments */

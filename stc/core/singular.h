@@ -6,10 +6,7 @@
  *     K z = L D e_k,      z^T K z = d_k
  *
  * so a small pivot with a long z belongs to a tiny eigenvalue: d_k / |z|^2 estimates it, and |K z| / |z|, formed with K
- * itself and not with what elimination left of it, bounds it.  A matrix may be singular to working precision, and its
- * small pivots right in their leading digits all the same: what elimination leaves is exact for entries that are off by
- * some rounding units of |L| |D| |L|^T (N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002, section
- * 11.1), which moves d_k by as many units of |z|^T |L| |D| |L|^T |z|. */
+ * itself and not with what elimination left of it, bounds it. */
 #ifndef STC_SINGULAR_H
 #define STC_SINGULAR_H
 
@@ -27,44 +24,8 @@
 #define NULL_ESTIMATE 1e-13
 #define NULL_BOUND 1e-10
 #define INVERSE_STEPS 2
-#define UNIT 0x1p-53
 
-/* Solve L^T z = e of unknowns p and q of front `at` (counted in it; q < 0 for none): the noise |z|^T |L| |D| |L|^T |z|,
- * summed over the pivots before p. */
-static double find_null_vector(kkt_state *s, int32_t at, int32_t p, int32_t q, double *z) {
-    double noise = 0.0;
-    const int32_t *own = s->index + s->fronts[at].index_at;
-    memset(z, 0, sizeof(double) * (size_t)s->size);
-    z[own[p]] = 1.0;
-    if (q >= 0) z[own[q]] = 1.0;
-    for (int32_t f = at; f >= 0; f--) {
-        const factored *g = &s->fronts[f];
-        const int32_t *index = s->index + g->index_at;
-        const double *l = s->factors.at + g->factor_at;
-        for (int32_t k = (f == at ? p : g->eliminated) - 1; k >= 0; k--) {
-            double sum = 0.0, terms = 0.0;
-            const double *column = l + (int64_t)k * g->stride, *inverse = s->inverse + 3 * (int64_t)(g->first + k);
-            for (int32_t i = k + 1; i < g->size; i++) {
-                double value = column[i] * z[index[i]];
-                sum -= value;
-                terms += fabs(value);
-            }
-            z[index[k]] = sum;
-            if (s->kind[g->first + k] == ONE) {
-                terms += fabs(sum);
-                noise += terms * terms / fabs(inverse[0]);
-            } else if (s->kind[g->first + k] == FIRST) {
-                /* |D| of the pair, its larger entries counted for both. */
-                double a = inverse[0], b = inverse[1], c = inverse[2], other = fabs(z[index[k + 1]]);
-                terms += fabs(sum);
-                noise += (terms * (fabs(c) * terms + 2.0 * fabs(b) * other) + fabs(a) * other * other) / fabs(a * c - b * b);
-            }
-        }
-    }
-    return noise;
-}
-
-/* The same, without the noise: in vectors. */
+/* Solve L^T z = e_p, p counted in front `at`. */
 static void find_vector(kkt_state *s, int32_t at, int32_t p, double *z) {
     double *y = s->work;
     memset(z, 0, sizeof(double) * (size_t)s->size);
@@ -149,12 +110,7 @@ static void confirm_zeros(kkt_state *s) {
         double *inverse = s->inverse + 3 * (int64_t)(f->first + k), a = inverse[0], b = inverse[1], c = inverse[2];
         int32_t q = s->kind[f->first + k] == FIRST ? k + 1 : -1;
         double d = suspects[which].size;
-        int null = is_null(s, at, k, d, z, image) && (q < 0 || is_null(s, at, q, d, z, image));
-        if (null) {
-            double noise = find_null_vector(s, at, k, q, z) + (q < 0 ? d : 4.0 * d);
-            null = d <= s->k->certain * UNIT * noise;
-        }
-        if (!null) {
+        if (!is_null(s, at, k, d, z, image) || (q >= 0 && !is_null(s, at, q, d, z, image))) {
             s->regular[index[k]] = d;
             futile++;
             continue;

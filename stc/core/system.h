@@ -109,8 +109,7 @@ typedef struct {
     /* The rest. */
     plan *plan;
     uint8_t *weak;           /* unknowns that have been delayed, being no pivots in their fronts */
-    double *regular;         /* size of the last pivot of each unknown that was suspected to be zero, and was not, ... */
-    double judged_by;        /* ... by this value of `certain` */
+    double *regular;         /* size of the last pivot of each unknown that was suspected to be zero, and was not */
     factored *fronts;
     arena factors, stack, panel, front;
     int32_t *index, *local;

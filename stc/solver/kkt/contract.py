@@ -129,13 +129,6 @@ class KKTSystem(ABC):
             NotFinite: a value is not finite.
         """
 
-    @abstractmethod
-    def trust_small_pivots(self, trusted: bool) -> None:
-        """Whether a matrix is regular from now on if its smallest pivots are right in their leading digits.
-
-        Otherwise, and to begin with, it is singular when it is so to working precision: most are better taken for it.
-        """
-
     @property
     def attempt_call(self) -> Bound | None:
         """``refactor`` as one call of machine code for matrices like the last one, where all goes as it did there.

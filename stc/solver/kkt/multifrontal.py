@@ -29,8 +29,6 @@ __all__ = ["DOUBTFUL", "MultifrontalKKT"]
 #: with larger pivot thresholds, up to the highest.
 DOUBTFUL = 1e-9
 THRESHOLD, HIGHEST_THRESHOLD = 1e-4, 0.3
-#: Where small pivots are trusted, those that exceed the noise in them so many times are not zero.
-CERTAIN, NEVER = 1e3, 1e300
 #: What is done for the segments of a part: calls that are made by number.
 PHASES = ELIMINATE, FORWARD, BACKWARD, RETURN = 0, 1, 2, 3
 
@@ -99,17 +97,13 @@ class MultifrontalKKT(KKTSystem):
 
     def restart(self) -> None:
         """Forget all matrices, as if new, but not the plan."""
-        self._system.threshold, self._system.certain, self._system.careful = THRESHOLD, NEVER, 0
+        self._system.threshold, self._system.careful = THRESHOLD, 0
         _restart(self._system)
         self._counted_before = self._system.factorizations
         #: The count of factorisations at the last check, and the threshold that this matrix has been tried with.
         self._checked = 0, 0.0
         self.last_residual = 0.0
         self._factorized = False
-
-    def trust_small_pivots(self, trusted: bool) -> None:
-        """See ``KKTSystem.trust_small_pivots``."""
-        self._system.certain = CERTAIN if trusted else NEVER
 
     @property
     def segments(self) -> int:

@@ -94,9 +94,6 @@ class DenseKKT(KKTSystem):
         negative = int((self._eigenvalues < -SINGULAR).sum())
         return Inertia(positive, negative, self.n + self.m - positive - negative)
 
-    def trust_small_pivots(self, trusted: bool) -> None:
-        """It has none."""
-
     def check_solution(self) -> bool:
         """See ``KKTSystem.check_solution``: there is nothing more careful."""
         self.last_residual = float(self.report[0])
