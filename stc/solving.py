@@ -178,7 +178,6 @@ def _unmoved(bound: BoundProgram, status: Status, message: str = "", least: floa
         objective=objective,
         violation=violation,
         optimality=float("nan"),
-        scaled_optimality=float("nan"),
         iterations=0,
         factorizations=0,
         message=message or f"{sentence(status)} {advice(status)}",

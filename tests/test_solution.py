@@ -257,7 +257,6 @@ def rich_solution(method: str) -> Solution:
         objective=1 / 7,
         violation=float("nan"),
         optimality=1e-12,
-        scaled_optimality=1e-12,
         iterations=3,
         factorizations=4,
         message="stopped\nafter two",

@@ -236,11 +236,6 @@ failed:
     return KKT_NO_MEMORY;
 }
 
-/* Forget which small pivots have been found to be regular. */
-static void suspect_all(kkt_state *s) {
-    for (int32_t i = 0; i < s->size; i++) s->regular[i] = INFINITY;
-}
-
 static kkt *whole_of(const kkt *k) { return (kkt *)(intptr_t)k->whole; }
 
 void kkt_restart(kkt *k) {
@@ -251,7 +246,7 @@ void kkt_restart(kkt *k) {
     s->trusted = 1.0;
     s->factorized = 0;
     s->wasted = 0.0; /* another plan would have later solves differ from each other in their last digits */
-    suspect_all(s);
+    for (int32_t i = 0; i < s->size; i++) s->regular[i] = INFINITY; /* no small pivot has been found to be regular */
     if (k->whole) kkt_restart(whole_of(k));
 }
 
@@ -322,7 +317,7 @@ static int plan_rest(kkt_state *s) {
         s->source = s->plan->entry;
         load_rest(s);
     }
-    suspect_all(s);
+    for (int32_t i = 0; i < s->size; i++) s->regular[i] = INFINITY; /* no small pivot has been found to be regular */
     s->wasted = 0.0;
     s->young = ++s->k->plans <= LEARNING;
     s->k->fronts = s->plan->fronts;

@@ -87,7 +87,6 @@ def point_result(
         objective=found.objective,
         violation=found.violation,
         optimality=found.optimality,
-        scaled_optimality=found.optimality,
         iterations=monitor.iterations,
         factorizations=factorizations,
         message=message or f"{sentence(status)} {advice(status)}".strip(),

@@ -20,7 +20,7 @@ from stc.core.structures import structure
 from stc.solver.evaluator import Evaluator
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
-from stc.solver.kkt.choice import new_system
+from stc.solver.kkt.reuse import new_system
 from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of

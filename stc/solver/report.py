@@ -72,7 +72,6 @@ class Result:
         objective: objective at ``x``.
         violation: largest violation at ``x`` of a row or bound, each relative to ``max(1, |bound|)``.
         optimality: KKT error of the problem as stated, relative to the size of its terms.
-        scaled_optimality: KKT error of the scaled problem (the quantity that the iteration drives to zero).
         iterations: steps of all phases together.
         factorizations: every factorisation of a KKT system.
         message: one or two sentences for the user.
@@ -87,7 +86,6 @@ class Result:
     objective: float
     violation: float
     optimality: float
-    scaled_optimality: float
     iterations: int
     factorizations: int
     message: str

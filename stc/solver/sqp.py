@@ -378,7 +378,6 @@ class _Solve:
         nlp = self.nlp
         y = np.zeros(nlp.m) if y is None else y
         report = self.judgement.assess(at or Point(x, y))
-        last = self.monitor.history[-1].optimality if self.monitor.history else report.optimality
         text = message or f"{sentence(status)} {advice(status)}".strip()
         if status is Status.OPTIMAL and report.violation > self.options.feasibility_tolerance:
             text += f" {MET_BUT_FOR_ROUNDING}"
@@ -390,7 +389,7 @@ class _Solve:
             lowest = None if nearly else falling_to(self.monitor.history)
             text += "" if lowest is None else f" {STILL_FALLING.format(lowest)}"
         return Result(
-            status, x, y, report.bound_multipliers, report.objective, report.violation, report.optimality, last,
+            status, x, y, report.bound_multipliers, report.objective, report.violation, report.optimality,
             self.monitor.iterations, 0 if self.form is None else self.form.kkt.factorizations, text,
             self.monitor.history, self.monitor.strategy,
         )  # fmt: skip

@@ -121,7 +121,7 @@ static int try_one(void) {
                   .curved_source = curved_source, .size = size, .variables = n, .entries = entries, .filled = entries,
                   .column = column, .row = row, .start = start, .source = source, .unknown = unknown, .stage = stage,
                   .given = hess, .rhs = rhs, .second_rhs = second, .solution = solution, .second_solution = other,
-                  .report = (at += size), .accuracy = (at += 3), .inertia = inertia, .certain = 1e300, .fine = 1e-13};
+                  .report = (at += size), .accuracy = (at += 3), .inertia = inertia, .fine = 1e-13};
     int failed = kkt_new(&system) != KKT_OK;
     for (int matrix = 0; matrix < 4 && !failed; matrix++) {
         int whole = below(4) == 0;

@@ -11,7 +11,7 @@ from solver.kkt.motions import holding, motion, parts, structure, system_of
 from solver.kkt.test_contract import check
 
 import stc
-from stc.solver.kkt import choice
+from stc.solver.kkt import reuse
 from stc.solver.kkt.couplings import Couplings
 from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.reuse import StructuredKKT
@@ -224,7 +224,7 @@ def test_a_lamp_in_flight_has_pivots(monkeypatch):
             super()._prepare(*args)
             made.append(self)
 
-    monkeypatch.setattr(choice, "MultifrontalKKT", Kept)
+    monkeypatch.setattr(reuse, "MultifrontalKKT", Kept)
     solved = stc.load("luxo_jump", k=4).solve(max_iterations=20)
     assert solved.factorizations > 15
     assert sum(kkt.segments for kkt in made) > 0

@@ -9,7 +9,7 @@ import pytest
 from solver.kkt.kkt_problems import Builder, Pattern, generic
 from solver.kkt.test_contract import check
 
-from stc.solver.kkt.choice import new_system
+from stc.solver.kkt.reuse import new_system
 
 
 def irregular(rng: np.random.Generator, frames: int, width: int) -> Pattern:
