@@ -220,7 +220,7 @@ class Fake:
 
 def ended(status: Status, objective: float, iterations: int) -> Result:
     none = np.zeros(0)
-    return Result(status, none, none, none, objective, 0.0, 0.0, 0.0, iterations, 2 * iterations, "", [])
+    return Result(status, none, none, none, objective, 0.0, 0.0, iterations, 2 * iterations, "", [])
 
 
 @pytest.fixture(scope="module")
