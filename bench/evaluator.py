@@ -38,7 +38,7 @@ from rod_chain import Stencil, casadi_function, stencil
 from stc.arrays import aligned_zeros
 from stc.codegen import engine
 from stc.codegen.kernel import LANES, compile_tapes
-from stc.codegen.runs import RUN, Copies, find_runs
+from stc.codegen.runs import RUN, find_runs
 from stc.codegen.tape import Tape, build_tape
 from stc.symbolic.expr import Expr
 
@@ -95,16 +95,16 @@ class Compiled:
     def __init__(self, tape: Tape, motion: Motion) -> None:
         blocks = motion.frames // LANES
         places = motion.places()[: tape.n_varying]
-        found = find_runs(tape, places, Copies(motion.workspace.size))
-        index = found.starts.reshape(-1, blocks, LANES).transpose(1, 0, 2)
+        runs, starts = find_runs(tape, places)
+        index = starts.reshape(-1, blocks, LANES).transpose(1, 0, 2)
         self.tape = tape
         self.out = aligned_zeros((blocks, len(tape.outputs), LANES))
-        kernels = compile_tapes([tape], [found.runs], cache=False)
+        kernels = compile_tapes([tape], [runs], cache=False)
         self.compile_seconds = kernels.seconds
-        compile_tapes([tape], [found.runs])
-        self.load_seconds = min(compile_tapes([tape], [found.runs]).seconds for _ in range(5))
-        self.call = kernels.bind(
-            0, motion.workspace, motion.constants, np.ascontiguousarray(index, dtype=np.int32), self.out
+        compile_tapes([tape], [runs])
+        self.load_seconds = min(compile_tapes([tape], [runs]).seconds for _ in range(5))
+        self.call = kernels[0].bind(
+            motion.workspace, motion.constants, np.ascontiguousarray(index, dtype=np.int32), self.out
         )
 
     def results(self) -> Array:

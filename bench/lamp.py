@@ -50,7 +50,7 @@ def alone(transcription: Transcription, bound: BoundProgram, number: int) -> tup
         (number + len(program.groups), program.index_derivatives[number]),
     ):
         out = aligned_zeros((index.shape[0], len(kernels.tapes[k].outputs), index.shape[2]))
-        calls.append(kernels.bind(k, bound.workspace, bound.uniform, index, out, kept))
+        calls.append(kernels[k].bind(bound.workspace, bound.uniform, index, out, kept))
         kept = out
         count += len(kernels.tapes[k].ops) - kernels.tapes[k].n_uniform_ops
 

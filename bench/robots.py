@@ -56,6 +56,12 @@ class Ending:
     seconds: float
 
 
+def constants_of(model: stc.Model) -> dict[str, float]:
+    """The constants of a motion's spec without those that number its frames."""
+    problem = model.problem()
+    return {name: value for name, value in problem.constants.items() if name not in problem.structural}
+
+
 def perturbed(constants: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
     """Other values of the masses, durations and distances among a problem's constants."""
     found = {}
@@ -102,7 +108,7 @@ def ending(solution: stc.Solution, seconds: float) -> Ending:
 
 def again(model: stc.Model, name: str, options: argparse.Namespace) -> None:
     """Solve a motion anew from its solution after each change; a line for each, and medians."""
-    constants = dict(model.problem().constants)
+    constants = constants_of(model)
     own = solve(model, {}, options.time_limit)[0]
     found = []
     for k in range(options.each):
@@ -155,7 +161,7 @@ def main() -> None:
     print("| --- | ---: | ---: | ---: | ---: |")
     for name in options.names or ROBOTS:
         model = stc.load(name)
-        constants = dict(model.problem().constants)
+        constants = constants_of(model)
         endings = []
         for k in range(options.each + 1):
             given = perturbed(constants, np.random.default_rng([options.seed, k])) if k else {}

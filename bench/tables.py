@@ -70,7 +70,7 @@ def seconds(kind: str, rows: int, order: str, rounds: int, even: bool = False) -
     index = np.arange(varying.size, dtype=np.int32).reshape(len(names), blocks, LANES).transpose(1, 0, 2)
     out = aligned_zeros((blocks, len(outputs), LANES))
     kernels = compile_tapes([tape], [Runs.alone(len(names))], cache=False)
-    call = kernels.bind(0, workspace, uniform, np.ascontiguousarray(index), out)
+    call = kernels[0].bind(workspace, uniform, np.ascontiguousarray(index), out)
     least = np.inf
     for _ in range(rounds):
         begin = time.thread_time()  # others may be at work meanwhile

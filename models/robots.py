@@ -14,7 +14,7 @@ def part(kind: str, finish: str, mass: float, **attributes: Value) -> Element:
 
 
 def drawn(kind: str, finish: str, **attributes: Value) -> Element:
-    """A geom that is only looked at."""
+    """A geom that is drawn and touches nothing."""
     return element("geom", class_="drawn", type=kind, material=finish, **attributes)
 
 

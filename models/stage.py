@@ -49,7 +49,7 @@ def picture(centre: tuple[float, float, float], extent: float, ambient: float = 
 
 
 def assets() -> list[Element]:
-    """Sky and floor."""
+    """The assets of sky and floor, which all models share."""
     return [
         element(
             "texture",

@@ -16,39 +16,9 @@ from __future__ import annotations
 
 import os
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from stc.version import __version__
-
-if TYPE_CHECKING:
-    from stc.errors import (
-        Diagnostic,
-        EndedError,
-        EvaluationError,
-        SolutionError,
-        SpecError,
-        StcError,
-        UsageError,
-    )
-    from stc.pipeline import Model, load
-    from stc.solution import Solution, read
-    from stc.sweeps import sweep
-
-__all__ = [
-    "Diagnostic",
-    "EndedError",
-    "EvaluationError",
-    "Model",
-    "Solution",
-    "SolutionError",
-    "SpecError",
-    "StcError",
-    "UsageError",
-    "__version__",
-    "load",
-    "read",
-    "sweep",
-]
+from stc.version import __version__ as __version__
 
 _HOME = {
     "Diagnostic": "stc.errors",
@@ -64,6 +34,8 @@ _HOME = {
     "read": "stc.solution",
     "sweep": "stc.sweeps",
 }
+
+__all__ = sorted([*_HOME, "__version__"])
 
 # An installation holds validate/, models/ and specs/ in this folder.  In a checkout they lie beside it; then
 # their parent is searched too, so that `stc.validate` is found wherever Python picked up this file.
@@ -81,4 +53,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

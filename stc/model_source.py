@@ -28,7 +28,7 @@ class Opened:
     Attributes:
         spec: its description, which may be changed and compiled again.
         model: compiled.
-        told: what MuJoCo has said of it.
+        told: MuJoCo's warnings while it compiled the model.
         changes: what of a URDF is left out or changed to make a model of it, each in a sentence; shapes that are only
             to be seen are left out without a word.
     """
@@ -194,9 +194,9 @@ def _load(element: mujoco.MjsMesh, mesh: Mesh) -> None:
 
 
 def _possible_inertias(spec: mujoco.MjSpec) -> list[str]:
-    """Change inertias that no body can have, of which MuJoCo makes no model, as little as makes them possible.
+    """Replace inertias that no rigid body can have, and that MuJoCo refuses, by the nearest possible ones.
 
-    URDFs have such ones by rounding, of links that stand for nothing, and by mistake.
+    URDFs contain them because numbers were rounded, for links without a body, and by mistake.
 
     Returns
     -------
@@ -281,9 +281,10 @@ def _join_joints(spec: mujoco.MjSpec) -> None:
 
 
 def _let_overlap(spec: mujoco.MjSpec) -> None:
-    """Let links not touch that overlap in the pose that the file draws.
+    """Let bodies of one robot not touch that overlap in the pose that the file draws.
 
-    Shapes of URDFs are as coarse as a planner may have them, and which of them may overlap stands in other files.
+    Shapes are often as coarse as a planner may have them, and which of them may overlap stands in other files.  Bodies
+    are of one robot where joints or equality constraints join them; the world and other objects are touched as before.
     """
     import mujoco
 
@@ -292,9 +293,22 @@ def _let_overlap(spec: mujoco.MjSpec) -> None:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_collision(model, data)
-    pairs = {tuple(sorted(model.geom_bodyid[contact.geom].tolist())) for contact in data.contact}
-    for first, second in sorted(pairs):
-        spec.add_exclude(bodyname1=model.body(first).name, bodyname2=model.body(second).name)
+    robot = model.body_rootid.copy()
+    for kind, *ends in zip(model.eq_objtype, model.eq_obj1id, model.eq_obj2id, strict=True):
+        if kind == mujoco.mjtObj.mjOBJ_SITE:
+            ends = [model.site_bodyid[end] for end in ends]
+        elif kind != mujoco.mjtObj.mjOBJ_BODY:
+            continue
+        first, second = robot[ends]
+        if first and second:
+            robot[robot == second] = first
+    pairs = {tuple(sorted(model.geom_bodyid[one.geom].tolist())) for one in data.contact if one.dist < 0.0}
+    bodies = {body.id: body for body in spec.bodies}
+    for pair in sorted(pairs):
+        if pair[0] and robot[pair[0]] == robot[pair[1]]:
+            for body in (bodies[each] for each in pair if not bodies[each].name):
+                body.name = _free_name("body", [each.name for each in spec.bodies])
+            spec.add_exclude(bodyname1=bodies[pair[0]].name, bodyname2=bodies[pair[1]].name)
 
 
 # ------------------------------------------------------------------------------------------------- what specs add
@@ -360,6 +374,10 @@ def _free_name(wanted: str, taken: Iterable[str]) -> str:
 
 #: The words by which a spec adds to a model, what each stands for, and what does it.
 ADDITIONS: dict[str, tuple[str, Callable[[mujoco.MjSpec], None]]] = {
+    "excludes": (
+        "no contact between bodies of a robot that overlap in the pose that the file draws",
+        _let_overlap,
+    ),
     "freejoint": ("free joints for bodies that are fixed to the world and carry joints", _free_roots),
     "motors": ("a motor for each hinge and slide that nothing drives", _add_motors),
     "floor": ("the plane z = 0, where there is none", _add_floor),

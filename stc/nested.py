@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from math import ceil, gcd
 
 import numpy as np
@@ -39,7 +38,6 @@ __all__ = [
     "Nested",
     "fewer_frames",
     "half_way",
-    "only_once",
     "own_constants",
 ]
 
@@ -64,7 +62,7 @@ then takes as many iterations as from the guess. The factor 6 is the break-even 
 three times fewer frames, both solves take 1.4 times as long as one (swings of rods and cart-poles half as long, motions
 with many optima longer)."""
 COARSE = Fineness(20, 8, 1.6), Fineness(40, 16, 1.6), Fineness(80, 32, 1.6)
-"""Limits if no start is known, tried one after the other."""
+"""Limits where the guess leads nowhere on all frames, tried one after the other."""
 APART = 4.0
 """Least ratio of two numbers of frames between which a third is inserted."""
 ITERATIONS = 150
@@ -96,17 +94,6 @@ class FewerFrames:
 def half_way(few: int, many: int) -> Fineness | None:
     """The constants for a number of frames between two others; None if these are close to each other."""
     return Fineness(round((few * many) ** 0.5), 1, 1.5) if many >= APART * few else None
-
-
-def only_once(offer: Callable[[int], tuple[Start | None, int]]) -> Callable[[int], tuple[Start | None, int]]:
-    """A function for ``Start.another`` that makes an offer once."""
-    offers = iter([offer])
-
-    def another(left: int) -> tuple[Start | None, int]:
-        found = next(offers, None)
-        return (None, 0) if found is None else found(left)
-
-    return another
 
 
 def own_constants(tree: SpecTree, overrides: Mapping[str, float]) -> list[str]:
@@ -202,15 +189,13 @@ class Nested:
     _factorizations: int = 0
     _stopped: bool = False
     _promised: float = 0.0  # the objective on all frames, if it is the same motion
-    _went_half_way: bool = False
     _best: Result | None = None  # on all frames
 
     def fewer_first(self, ratio: float) -> Result:
         """The result on all frames, with the iterations and factorisations of all solves.
 
         The solve from the motion on fewer frames is accepted if its objective is no worse than on fewer frames, or if
-        it is the same motion; otherwise the spec's own guess is tried as well.  If a solve makes no progress, it is
-        started again from the motion half way between.
+        it is the same motion; otherwise the motion half way between and the spec's own guess are tried as well.
 
         Args:
             ratio: see :class:`FewerFrames`.
@@ -237,10 +222,9 @@ class Nested:
         """The result on all frames from the motion on fewer, whether it is a solution, and whether its objective is as
         expected.
         """
-        # Those that are made half way are taken off.
-        quick = replace(self._attempt(3 * ITERATIONS), warm_start=True, trusting=False)
+        quick = replace(self._attempt(), warm_start=True, trusting=False)
         self._promised = ratio * before.objective
-        start = replace(self.start(before), another=only_once(partial(self._offer_half_way, before)))
+        start = self.start(before)
         found = self._on_all(quick, start)
         nearly = found.status is not Status.OPTIMAL and found.violation <= NEARLY
         if nearly and self._as_promised(found) and not self._stopped:
@@ -264,7 +248,7 @@ class Nested:
         Often the objective on few frames was too low; the motion half way then confirms the solution.
         """
         self._count(worse)
-        start = None if self._went_half_way else self._half_way(before, self._left().max_iterations)[0]
+        start = self._half_way(before)
         if start is None or self._as_promised(worse) or self._stopped or self._over:
             return _uncounted(worse)
         other = self._on_all(replace(self._attempt(), warm_start=True, trusting=False), start)
@@ -278,59 +262,48 @@ class Nested:
         share = WORSE * max(abs(self._promised), abs(found.objective))
         return bool(found.objective <= self._promised + share)
 
-    def _half_way(self, before: Solution, left: int) -> tuple[Start | None, int]:
-        """A start from the motion half way between, if there is one, and the iterations that it took."""
+    def _half_way(self, before: Solution) -> Start | None:
+        """A start from the motion half way between, if there is one."""
         if self._over:
-            return None, 0
-        self._went_half_way = True
+            return None
         try:
-            solved = self.between(before, self._attempt(min(left, 2 * ITERATIONS)), self._afar)
+            solved = self.between(before, self._attempt(2 * ITERATIONS), self._afar)
         except EndedError:  # while it was being derived: whoever asks will see that himself
-            return None, 0
+            return None
         if solved is None:
-            return None, 0
+            return None
         found, ratio = solved
         self._note(found)
         if found.status != "optimal":
-            return None, found.iterations
+            return None
         self._promised = ratio * found.objective
-        return self.start(found), found.iterations
+        return self.start(found)
 
-    def _offer_half_way(self, before: Solution, left: int) -> tuple[Start | None, int]:
-        """A new start for a solve on all frames that makes no progress (see ``Start.another``)."""
-        found = self._half_way(before, left)
-        self._pass_on_stop()
-        return found
-
-    def _pass_on_stop(self) -> None:
-        """Stop a solve that waits for another start if the user has stopped the solve of that start."""
-        if self._stopped:
-            raise KeyboardInterrupt
-
-    def fewer_for_help(self, own: Start, offered: Callable[[Fineness], bool]) -> Result:
-        """The result from the spec's own guess; it is started again from fewer frames if it makes no progress.
+    def fewer_for_help(self, offered: Callable[[Fineness], bool]) -> Result:
+        """The result from the spec's own guess; if that leads nowhere, from the motion on fewer frames.
 
         Args:
-            own: the guess.
             offered: whether there are fewer frames to be solved, of that fineness; called when they are needed.
         """
-        levels = iter(COARSE)
-
-        def another(left: int) -> tuple[Start | None, int]:
-            spent = 0
-            with suppress(EndedError):  # while they were being derived: whoever asks will see that himself
-                for fineness in levels:
-                    if self._over or not offered(fineness):
-                        break
-                    before = self._before(min(left - spent, ITERATIONS))
-                    spent += before.iterations
-                    self._pass_on_stop()
-                    if before.status == "optimal":
-                        return self.start(before), spent
-            return None, spent
-
-        start = Start(own.x, own.row_multipliers, own.bound_multipliers, another)
-        return self._counted(self._on_all(self.options, start))
+        found = self._on_all(self.options, None)
+        with suppress(EndedError):  # while fewer frames were being derived
+            for fineness in COARSE:
+                if found.status not in (Status.FAILED, Status.INFEASIBLE) or self._stopped:
+                    break
+                self._count(found)
+                found = _uncounted(found)
+                if self._over or not offered(fineness):
+                    break
+                before = self._before()
+                if before.status != "optimal" or self._over:
+                    continue
+                other = self._on_all(
+                    replace(self._attempt(), warm_start=True, trusting=False), self.start(before)
+                )
+                if other.status is Status.OPTIMAL:
+                    return self._counted(other)
+                self._count(other)
+        return self._counted(found)
 
     def _on_all(self, options: Options, start: Start | None) -> Result:
         """Solve on all frames, and keep the best of all such solves."""

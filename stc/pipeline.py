@@ -49,7 +49,7 @@ from stc.unfinished import Unfinished, motion_at
 from stc.warm_start import aligned, start_from
 
 if TYPE_CHECKING:
-    from stc.guess_file import GivenValues
+    from stc.given_values import GivenValues
     from stc.language.syntax import SpecTree
 
 Callback = Callable[[Any], bool | None]

@@ -47,7 +47,7 @@ _FIELDS = "__dataclass_fields__"
 
 
 def _made(plain: type, frozen: bool, slots: bool, eq: bool, repr: bool, kw_only: bool) -> type:
-    """The data class of a class."""
+    """A class with the fields that another one annotates, as a data class."""
     names = dict(plain.__dict__)
     own = {
         name: (annotation, names.get(name, MISSING), kw_only)
@@ -102,9 +102,10 @@ def _with_slots(
 
 
 class _LateFields:
-    """The fields of a class, made when somebody asks for them, which then stand in its place.
+    """A class attribute that makes the list of the class's fields on first use, and is then replaced by it.
 
-    Of each of its ``own``: annotation, default (or what ``field`` has given) and whether it is for keywords only.
+    ``own`` has for each field its annotation, its default (or what ``field`` returned), and whether it can only be
+    given by keyword.
     """
 
     def __init__(self, plain: type, own: dict[str, tuple[Any, Any, bool]]) -> None:

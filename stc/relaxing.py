@@ -17,13 +17,12 @@ from stc.solver.status import advice, sentence
 
 __all__ = ["brought_down"]
 
-#: Where the constant starts: a force as large as the weight acts from so many m away.
-FIRST = 0.03
 #: What it is multiplied by from one solve to the next; by less only to the last value.
 FACTOR = 0.1
-#: Iterations of each solve but the last, which gets ten times as many; the larger number, and no end to the last one,
-#: where the smaller one has led to no solution.
-ITERATIONS = 30, 500
+#: Where the constant starts (a force as large as the weight acts from so many m away), and the iterations of each solve
+#: but the last, which gets ten times as many.  Where that has led to no solution, it starts from more, with more
+#: iterations and no end to the last one.
+ROUNDS = (0.03, 30), (0.3, 500)
 #: How exactly all but the last are solved.
 TOLERANCE = 1e-2
 #: If a row is still violated by more than this, relative to max(1, its bound), the same value is solved for again, at
@@ -33,9 +32,8 @@ MISSED, AGAIN = 1.0, 3
 Solve = Callable[[float, Options, Start | None], Result]
 
 
-def values(last: float) -> Iterator[float]:
-    """The values of the constant in order, ending with ``last``."""
-    value = FIRST
+def values(value: float, last: float) -> Iterator[float]:
+    """The values of the constant in order, from ``value`` to ``last``."""
     while value * FACTOR > last:
         yield value
         value *= FACTOR
@@ -66,9 +64,9 @@ def brought_down(solve: Solve, last: float, options: Options, start: Start | Non
     known = start is not None and start.row_multipliers is not None
     found: Result | None = None
     iterations = factorizations = 0
-    for most in ITERATIONS[1:] if known else ITERATIONS:
+    for first, most in ROUNDS[1:] if known else ROUNDS:
         left = replace(options, max_iterations=options.max_iterations - iterations)
-        found, ended = _walked(solve, [last] if known else [*values(last)], left, most, start)
+        found, ended = _walked(solve, [last] if known else [*values(first, last)], left, most, start)
         iterations += found.iterations
         factorizations += found.factorizations
         if found.status is Status.OPTIMAL or ended or iterations >= options.max_iterations:
@@ -85,7 +83,7 @@ def _walked(
     Parameters
     ----------
     most
-        Iterations of each but the last: see :data:`ITERATIONS`.
+        Iterations of each but the last: see :data:`ROUNDS`.
     """
     iterations = factorizations = 0
     last, again, to_come = by[-1], 0, list(by)
@@ -95,7 +93,7 @@ def _walked(
         few = replace(
             options, max_iterations=min(most, left), tolerance=max(TOLERANCE, options.tolerance), retries=0
         )
-        whole = replace(options, max_iterations=left if most == ITERATIONS[-1] else min(10 * most, left))
+        whole = replace(options, max_iterations=left if most == ROUNDS[-1][1] else min(10 * most, left))
         chosen = whole if value == last else few
         warm = start is not None and start.row_multipliers is not None
         found = solve(value, replace(chosen, warm_start=warm), start)

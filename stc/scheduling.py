@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -32,13 +33,17 @@ __all__ = ["found_ranges", "write_schedule"]
 Range = tuple[int, int, str]
 """First and last frame, and the direction in which the contact slides; empty if it stands."""
 
-#: A contact stands where it bears this share of the weight.
-BEARS = 1e-2
+#: A contact stands where it bears this share of the weight; at the first and the last frame also where its gap is less
+#: than this, in m.
+BEARS, TOUCHES = 1e-2, 1e-4
 #: A flight of fewer frames than this between two stances is none: steps are not that fine.
 SHORTEST_FLIGHT = 2
 #: Farther than this, in m, a contact slides that moves while it bears something; on frames on which it is faster than
 #: this, in m/s.
 SLIDES, SLOWLY = 0.01, 1e-2
+#: By how many steps the time between two changes of contact may change, and the least share of it that remains; it
+#: grows by the inverse of that at most.
+ROOM, LEAST = 1.5, 0.5
 #: What the new spec calls the motion that it starts from.
 STEPS = "steps"
 
@@ -64,10 +69,12 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
     recovery = stated.recovery(solution.x, solution.constants)
     steps = np.append(0.0, np.diff(solution.time))
 
-    stances = {
-        contact.name: _stances(recovery.channel(contact.pressure).before > BEARS * contact.weight)
-        for contact in contacts
-    }
+    stances = {}
+    for contact in contacts:
+        stands = recovery.channel(contact.pressure).before > BEARS * contact.weight
+        for end in (0, -1):  # a flight beyond an end would begin off the surface
+            stands[end] |= all(recovery.channel(gap).before[end] < TOUCHES for gap in contact.gaps)
+        stances[contact.name] = _stances(stands)
     landings = {first for some in stances.values() for first, _ in some}
     found: dict[str, list[Range]] = {}
     for contact in contacts:
@@ -139,10 +146,47 @@ def _text(solution: Solution, ranges: Mapping[str, Sequence[Range]], table: str)
         end = max((place.end for place in places), default=block.end)
         end = text.find(";", end) + 1 or end
         text = text[: block.start] + "\n  ".join(lines) + text[end:]
-    name = STEPS
-    while re.search(rf"\b{name}\b", text):
-        name += "_"
+    name = _unused(STEPS, text)
     return f'{text.rstrip()}\n\n# what was found in time steps\ndata: {name} = "{table}";\nguess: {name};\n'
+
+
+def _unused(name: str, text: str) -> str:
+    """A name with which no name of a text begins."""
+    while re.search(rf"\b{name}", text):
+        name += "_"
+    return name
+
+
+def _with_paces(text: str, ranges: Mapping[str, Sequence[Range]], n: int) -> str:
+    """The spec with an unknown step between two changes of contact each.
+
+    An impact happens within a step of time stepping, and need not happen at a frame of equal steps: what falls from a
+    given height lands when it does.  All steps together last as long as before.
+    """
+    tree = parse(Source("", text, ""))
+    steps = [
+        statement.name
+        for kind in ("constants", "definitions")
+        for block in tree.blocks(kind)
+        for statement in block.statements
+        if isinstance(statement, syntax.Declaration | syntax.Assignment) and statement.name.name == "h"
+    ]
+    changes = sorted({0, n}.union(*({first, last} for some in ranges.values() for first, last, _ in some)))
+    if len(steps) != 1 or len(changes) == 2:
+        return text
+    even, pace = _unused("h_even", text), _unused("pace", text)
+    paces = [(first, last - first, f"{pace}{k}") for k, (first, last) in enumerate(pairwise(changes), 1)]
+    lines = ["\n# between changes of contact the step is unknown, so that these can happen at any time"]
+    lines += [f"parameters: {', '.join(name for _, _, name in paces)};", "definitions:"]
+    for first, frames, name in paces:
+        lines.append(f"  [{first}*n/{n}, {first + frames}*n/{n} - 1]: h = {name}*{even};")
+    lines += ["constraints:", f"  {' + '.join(f'{frames}*{name}' for _, frames, name in paces)} = {n};"]
+    for _, frames, name in paces:
+        least, most = max(LEAST, 1.0 - ROOM / frames), min(1.0 / LEAST, 1.0 + ROOM / frames)
+        lines.append(f"  {least:.6g} <= {name} <= {most:.6g};")
+    lines.append(f"guess: {' '.join(f'{name} = 1;' for _, _, name in paces)}\n")
+    place = steps[0]
+    return text[: place.start] + even + text[place.end :] + "\n".join(lines)
 
 
 def _header(first: int, last: int, n: int) -> str:
@@ -190,11 +234,16 @@ def write_schedule(solution: Solution, path: Path) -> tuple[dict[str, list[Range
         As :func:`found_ranges`; or the written text would not be a valid spec at that place.
     """
     ranges, table = found_ranges(solution), path.with_suffix(".csv")
-    text = _text(solution, ranges, table.name)
+    plain = _text(solution, ranges, table.name)
+    text = _with_paces(plain, ranges, solution.n)
     with atomic.replacing(table) as temporary, temporary.open("w", newline="") as stream:
         csv.writer(stream, lineterminator="\n").writerows(_poses(solution))
     try:
-        elaborate(parse(Source(str(path), text, str(path))), solution.overrides)
+        try:
+            elaborate(parse(Source(str(path), text, str(path))), solution.overrides)
+        except SpecError:  # a step that is given otherwise, or used where no unknown may be
+            text = plain
+            elaborate(parse(Source(str(path), text, str(path))), solution.overrides)
     except SpecError as error:
         table.unlink(missing_ok=True)
         first = error.diagnostics[0].message

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stc import unfinished
 from stc.collecting import collect
 from stc.deadline import left
-from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way, only_once
+from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way
 from stc.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
 from stc.problem import Problem
 from stc.records import dataclass, field
@@ -178,7 +178,6 @@ def _unmoved(bound: BoundProgram, status: Status, message: str = "", least: floa
         objective=objective,
         violation=violation,
         optimality=float("nan"),
-        scaled_optimality=float("nan"),
         iterations=0,
         factorizations=0,
         message=message or f"{sentence(status)} {advice(status)}",
@@ -229,10 +228,7 @@ class ColdSolve:
         )
         if fewer is not None:
             return nested.fewer_first(fewer.ratio)
-        self._followed = self.transcription.bind(self.problem.constants)
-        return nested.fewer_for_help(
-            Start(self._followed.x0), lambda fineness: self._reduce(fineness) is not None
-        )
+        return nested.fewer_for_help(lambda fineness: self._reduce(fineness) is not None)
 
     def _reduce(self, fineness: Fineness) -> FewerFrames | None:
         fewer = self.model.on_fewer_frames(self.problem, self.given, fineness)
@@ -273,9 +269,8 @@ class ColdSolve:
             return None
         some, reduced, _ = self._reduced
         start, bound = self.model.follow(motion, reduced, some, few)
-        guess = only_once(lambda _: (Start(reduced.bind(some.constants).x0), 0))
         options = replace(options, warm_start=True, trusting=False)
-        return self._coarse(options, told, replace(start, another=guess), bound), fewer.ratio
+        return self._coarse(options, told, start, bound), fewer.ratio
 
     def _follow(self, motion: Solution) -> Start:
         """The start on all frames at a motion that was solved on fewer."""

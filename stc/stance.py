@@ -61,6 +61,7 @@ class Spot:
         friction: sliding friction on the floor.
         written: its name in the language.
         resists: the path of its geom, if that has a name and friction against turning and rolling.
+        rolls: whether it is a wheel, a cylinder that a hinge without a range turns about its axis.
     """
 
     body: int
@@ -69,6 +70,7 @@ class Spot:
     friction: float
     written: str
     resists: str = ""
+    rolls: bool = False
 
 
 class Stance:
@@ -145,7 +147,8 @@ class Stance:
                 ball = f", radius = {radius:.6g}" if radius else ""
                 friction = self.floor.friction_with(geom)
                 resists = path_of("geom", geom.name) if geom.condim > 3 and geom.name else ""
-                yield Spot(geom.body, (x, y, z), radius, friction, written or place + ball, resists)
+                rolls = self._turns_about(geom, turn[:, 2])
+                yield Spot(geom.body, (x, y, z), radius, friction, written or place + ball, resists, rolls)
 
     def lowest(self, near: float, whole: bool = False) -> list[Spot]:
         """The lowest points in the given pose, on bodies that carry no other body with such points.
@@ -198,16 +201,26 @@ class Stance:
         places, _ = self.seen(self.start[:, None], self.spots)
         return float((self.up @ places[:, :, 0] - self.up @ self.floor.origin).min())
 
-    def has_legs(self, near: float) -> bool:
-        """Whether what is lowest is carried by joints, and below the root's own origin: legs, and no mounted arm.
+    def stands(self, near: float) -> bool:
+        """Whether what is lowest are legs, carried by joints and below the root's own origin, or wheels that are not
+        above it, with whatever else is as low; what is lowest of a mounted arm is its base, or something in the air.
 
         Parameters
         ----------
         near
-            How far above the lowest of all places others may be, and the origin at least is, in m.
+            How far above the lowest of all places others may be, and the origin at least is above legs, in m.
         """
         lowest = self.lowest(near)
-        return bool(lowest) and self.height() < -near and all(self._between([spot]) for spot in lowest)
+        legs = bool(lowest) and self.height() < -near and all(self._between([spot]) for spot in lowest)
+        return legs or (self.height() < _SOLE and any(spot.rolls for spot in lowest))
+
+    def _turns_about(self, geom: Geom, axis: Matrix) -> bool:
+        """Whether a geom is a cylinder with this axis, (3,) in its body, about which a hinge turns it without end."""
+        joints = [self.mechanism.joints[k] for k in self.mechanism.bodies[geom.body].joints]
+        return geom.kind == "cylinder" and any(
+            joint.kind == "hinge" and not joint.limited and abs(np.dot(joint.axis, axis)) > 1.0 - 1e-6
+            for joint in joints
+        )
 
     def _three(self, spots: Sequence[Spot]) -> Sequence[Spot]:
         """The three points of a body that span the largest area; more points would not determine their forces."""
@@ -493,6 +506,15 @@ def _lowest(geom: Geom, axes: Matrix, up: Matrix) -> list[tuple[Matrix, float, s
     if geom.kind == "box":
         if geom.name and down[2] < -1.0 + 1e-6:
             return [(np.array([0.0, 0.0, -size[2]]), 0.0, f"foot({path_of('geom', geom.name)})")]
+        axis = int(np.abs(down).argmax())
+        if abs(down[axis]) > 1.0 - 1e-6:
+            # It lies on a face: two corners and the middle of the opposite edge, about its centre; three corners would
+            # have the centre on the edge between two of them, and no load on the third.
+            long, short = sorted({0, 1, 2} - {axis}, key=lambda k: -size[k])
+            face: Matrix = np.zeros((3, 3))
+            face[:, axis] = np.sign(down[axis])
+            face[:, long], face[:, short] = (1.0, 1.0, -1.0), (1.0, -1.0, 0.0)
+            return [(size * end, 0.0, "") for end in face]
         corners = [np.array([x, y, z]) for x in (1, -1) for y in (1, -1) for z in (1, -1)]
         return [(size * corner, 0.0, "") for corner in corners]
     return []

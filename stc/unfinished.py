@@ -101,7 +101,6 @@ def motion_at(
         objective=record.objective,
         violation=record.violation,
         optimality=record.optimality,
-        scaled_optimality=record.optimality,
         iterations=record.iteration,
         factorizations=0,
         message=message,

@@ -42,7 +42,7 @@ def start_from(
         if not optimal:
             return Start(earlier.x), None
         return Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers), None
-    from stc.guess_file import SolutionValues
+    from stc.given_values import SolutionValues
 
     bound = transcription.bind(problem.constants, guess=SolutionValues(earlier, alignment), check=False)
     if not optimal or not earlier.multipliers:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from tape_reference import run
 
-from stc.codegen.reference import run
 from stc.codegen.tape import build_tape
 from stc.mechanism.dynamics import Dynamics
 from stc.mechanism.kinematics import Motion

@@ -9,7 +9,8 @@ import pytest
 
 import stc
 from stc.errors import UsageError
-from stc.guess_file import CoverageWarning, SolutionValues, TableValues, UnusedWarning, read_guess, table
+from stc.given_values import CoverageWarning, SolutionValues, TableValues, UnusedWarning, table
+from stc.guess_file import read_guess
 from stc.trajectory import METHODS
 from stc.validate.export import export
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import stc
 from stc.nested import ITERATIONS, NEARLY, Nested, fewer_frames, half_way
 from stc.pipeline import Model
 from stc.solver import IterationRecord, Options, Result, Start, Status
-from stc.solver.outcome import Tactics
 from stc.solving import ColdSolve
 
 PENDULUM = """
@@ -205,32 +203,24 @@ class Fake:
         )  # fmt: skip
         return nested.fewer_first(1.0)
 
+    def helped(self, levels: int) -> Result:
+        """From the own guess, with so many numbers of fewer frames to turn to."""
+        offers = iter(range(levels))
+        start = Start(np.zeros(1), np.zeros(1), np.zeros(1))
+        nested = Nested(
+            self.coarse, self.between, lambda _: start, lambda *_: self.alike, self.fine, Options(), None
+        )
+        return nested.fewer_for_help(lambda _: next(offers, None) is not None)
+
     def between(
         self, before: stc.Solution, options: Options, told: object
     ) -> tuple[stc.Solution, float] | None:
         return self.coarse(options, told), 2.0
 
 
-class Lost(Fake):
-    """The same where the first solve on all frames asks for another start as often as there is one."""
-
-    starts = 0
-
-    def fine(self, options: Options, start: Start | None, told: object) -> Result:
-        if start is not None and start.another is not None:
-            left = options.max_iterations
-            while True:
-                found, spent = start.another(left)
-                left -= spent
-                if found is None:
-                    break
-                self.starts += 1
-        return super().fine(options, start, told)
-
-
 def ended(status: Status, objective: float, iterations: int) -> Result:
     none = np.zeros(0)
-    return Result(status, none, none, none, objective, 0.0, 0.0, 0.0, iterations, 2 * iterations, "", [])
+    return Result(status, none, none, none, objective, 0.0, 0.0, iterations, 2 * iterations, "", [])
 
 
 @pytest.fixture(scope="module")
@@ -244,6 +234,26 @@ def test_a_better_or_equal_solution_is_taken(small: Model) -> None:
     assert (result.objective, result.iterations, result.factorizations) == (10.2, 9, 18)
     options, start = fake.asked[1]
     assert start is not None and options.warm_start and not options.trusting
+
+
+def test_a_guess_that_leads_nowhere_is_helped_by_fewer_frames(small: Model) -> None:
+    lost, found = ended(Status.FAILED, 5.0, 30), ended(Status.OPTIMAL, 9.0, 4)
+    result = Fake(small, lost, ended(Status.OPTIMAL, 10.0, 7), found).helped(3)
+    assert (result.status, result.objective, result.iterations) == (Status.OPTIMAL, 9.0, 41)
+    # What fails on fewer frames, or from there, is tried with more of them.
+    result = Fake(
+        small, lost, lost, ended(Status.OPTIMAL, 10.0, 7), lost, ended(Status.OPTIMAL, 9.5, 8), found
+    ).helped(3)
+    assert (result.status, result.objective, result.iterations) == (Status.OPTIMAL, 9.0, 109)
+    result = Fake(small, lost, lost).helped(1)
+    assert (result.status, result.objective, result.iterations) == (Status.FAILED, 5.0, 60)
+
+
+@pytest.mark.parametrize(
+    "status", [Status.OPTIMAL, Status.UNBOUNDED, Status.ITERATION_LIMIT, Status.INTERRUPTED]
+)
+def test_what_needs_no_help_gets_none(small: Model, status: Status) -> None:
+    assert Fake(small, ended(status, 5.0, 30)).helped(3).iterations == 30
 
 
 class Alone(Fake):
@@ -367,25 +377,6 @@ def test_what_fails_from_fewer_frames_is_tried_from_the_own_guess(small: Model) 
     assert (result.objective, result.iterations, result.factorizations) == (9.0, 31, 62)
 
 
-def test_where_the_motion_half_way_leads_is_held_against_that(small: Model) -> None:
-    answers = [ended(Status.OPTIMAL, 10.0, 7), ended(Status.OPTIMAL, 20.0, 5)]
-    fake = Lost(small, *answers, ended(Status.OPTIMAL, 41.0, 30))
-    result = fake.run()
-    assert fake.starts == 1
-    assert (result.objective, result.iterations, result.factorizations) == (41.0, 42, 84)
-    fake = Lost(small, *answers, ended(Status.OPTIMAL, 43.0, 30), ended(Status.OPTIMAL, 40.0, 9))
-    assert (fake.run().objective, len(fake.asked)) == (40.0, 4)
-
-
-def test_without_a_motion_half_way_there_is_the_own_guess(small: Model) -> None:
-    fake = Lost(
-        small, ended(Status.OPTIMAL, 1.0, 7), ended(Status.FAILED, 2.0, 4), ended(Status.FAILED, 3.0, 6),
-        ended(Status.OPTIMAL, 9.0, 20),
-    )  # fmt: skip
-    result = fake.run()
-    assert (fake.starts, result.objective, result.iterations) == (0, 9.0, 37)
-
-
 @pytest.mark.parametrize(
     ("violation", "objective", "near"),
     [(0.5 * NEARLY, 10.1, True), (2.0 * NEARLY, 10.1, False), (0.0, 12.0, False)],
@@ -399,7 +390,7 @@ def test_what_is_nearly_a_solution_is_started_from_anew(
     assert (result.objective, result.iterations) == (10.0, 16)
     options, start = fake.asked[2]
     assert not options.warm_start
-    assert (start is not None and start.x[0] == 1.0 and start.another is None) == near
+    assert (start is not None and start.x[0] == 1.0) == near
     assert near or start is None
 
 
@@ -415,116 +406,6 @@ def started(text: str, **options: int) -> tuple[list[str], stc.Solution]:
     return places, stc.load(text).solve(callback=told, **options)
 
 
-def test_a_solve_that_does_not_get_on_is_started_from_fewer_frames(monkeypatch: pytest.MonkeyPatch) -> None:
-    text = PENDULUM.replace("n = 400", "n = 48")
-    assert started(text)[0] == ["near"]
-    direct = stc.load(text).solve(fewer_first=False)
-    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
-    places, solution = started(text)
-    assert places == ["near", "far", "near"]
-    assert solution.status == "optimal"
-    assert solution.objective == pytest.approx(direct.objective, rel=1e-8)
-    # As many as all three solves took: the few before, those on fewer frames, those from there.
-    assert solution.iterations > 3 + 5
-
-
-def test_the_limit_counts_the_iterations_on_fewer_frames_that_were_to_help(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    model = stc.load(PENDULUM.replace("n = 400", "n = 48"))
-    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
-    needed = model.solve().iterations
-    for most in range(1, needed):
-        solution = model.solve(max_iterations=most)
-        assert solution.status == "iteration_limit"
-        assert solution.iterations <= most
-    assert model.solve(max_iterations=needed + 1).status == "optimal"
-
-
-def test_where_fewer_frames_do_not_help_the_solve_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    text = PENDULUM.replace("n = 400", "n = 24")  # no fewer will do
-    direct = stc.load(text).solve(fewer_first=False)
-    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
-    places, solution = started(text)
-    assert places == ["near"]
-    assert solution.status == "optimal"
-    assert solution.objective == pytest.approx(direct.objective, rel=1e-8)
-    assert solution.iterations <= direct.iterations + 5
-
-
-#: Among three obstacles the straight guess leads to a place where all small changes make things worse; motions on 20
-#: and more frames lead around them.
-FLIGHT = """
-constants: n = 300, g = 9.81, m = 1.894, J = 0.099, r = 0.134, most = 24.225;
-variables: x, z, th, f1, f2;
-parameters: T;
-method: trapezoidal;
-definitions: h = T/n;
-guess: T = 2.493; x = 5*t/T; f1 = m*g/2; f2 = m*g/2;
-constraints:
-  0.302 <= T <= 10;
-  [0, n]:
-    m*x'' = -(f1 + f2)*sin(th); m*z'' = (f1 + f2)*cos(th) - m*g; J*th'' = r*(f1 - f2);
-    0 <= f1 <= most; 0 <= f2 <= most; -1.2 <= th <= 1.2;
-    (x - 2.755)^2 + (z - 0.226)^2 >= 0.721^2; (x - 2.096)^2 + (z + 0.358)^2 >= 0.677^2;
-    (x - 3.239)^2 + (z - 0.322)^2 >= 0.332^2;
-  [0]: x; z; th; x'; z'; th';
-  [n]: x = 5; z; th; x'; z'; th';
-objective: [0]: 50*T; [0, n]: integral(0.029*(f1^2 + f2^2));
-"""
-
-
-@pytest.mark.nightly
-def test_flights_that_their_guess_leads_nowhere_are_found_from_fewer_frames() -> None:
-    """Hardly one is found without; with help some are, and which ones hangs on rounding."""
-    weights = [0.029 * (1.0 + 0.003 * k) for k in range(-3, 4)]
-    flights = [stc.load(FLIGHT.replace("0.029*", f"{weight}*")).solve() for weight in weights]
-    found = [solution for solution in flights if solution.status == "optimal"]
-    assert len(found) >= 2
-    for solution in found:
-        for x, z, radius in ((2.755, 0.226, 0.721), (2.096, -0.358, 0.677), (3.239, 0.322, 0.332)):
-            assert np.hypot(solution["x"] - x, solution["z"] - z).min() >= radius - 1e-6
-
-
-@pytest.mark.parametrize("failing", [0, 1, 2, 3])
-def test_more_frames_are_tried_where_few_do_not_help(failing: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    tried: list[int] = []
-    solve = Nested._before
-
-    def before(self: Nested, most: int = ITERATIONS) -> stc.Solution:
-        found = solve(self, most)
-        tried.append(found.n)
-        return replace(found, status="failed") if len(tried) <= failing else found
-
-    monkeypatch.setattr(Nested, "_before", before)
-    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
-    text = PENDULUM.replace("n = 400", "n = 150")
-    places, solution = started(text)
-    assert tried == [20, 40, 80][: failing + 1]
-    assert places[0] == places[-1] == "near"
-    assert solution.status == "optimal"
-    assert solution.objective == pytest.approx(stc.load(text).solve(fewer_first=False).objective, rel=1e-8)
-
-
-def test_a_start_that_does_not_help_is_followed_by_one_from_more_frames(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    asked: list[int] = []
-    follow = ColdSolve._follow
-
-    def astray(self: ColdSolve, motion: stc.Solution) -> Start:
-        found = follow(self, motion)
-        asked.append(motion.n)
-        return replace(found, x=found.x + 100.0) if motion.n == 20 else found
-
-    monkeypatch.setattr(ColdSolve, "_follow", astray)
-    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
-    monkeypatch.setattr("stc.solver.sqp.SHORT_BUDGET", 3)
-    solution = stc.load(PENDULUM.replace("n = 400", "n = 150")).solve()
-    assert asked == [20, 40]
-    assert solution.status == "optimal"
-
-
 @pytest.mark.parametrize("n", [30, 400])
 def test_a_prepared_solve_has_nothing_left_to_derive_or_compile(n: int) -> None:
     model = stc.load(PENDULUM)
@@ -537,62 +418,10 @@ def test_a_prepared_solve_has_nothing_left_to_derive_or_compile(n: int) -> None:
     assert again.objective == pytest.approx(solution.objective, rel=1e-8)
 
 
-def test_a_stop_while_fewer_frames_are_solved_for_help_ends_the_solve(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
-    model = stc.load(PENDULUM.replace("n = 400", "n = 48"))
-    solution = model.solve(callback=lambda record: record.x is None)
-    assert solution.status == "interrupted"
-    assert solution.n == 48
-
-
 def test_half_way_there_are_as_many_times_more_frames_as_all_are_more_than_these() -> None:
     found = half_way(50, 800)
     assert found is not None and found.fewest == 200
     assert half_way(50, 199) is None
-
-
-@pytest.fixture
-def always_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Solves from fewer frames are left to the barrier, and taken for lost after their first step."""
-    monkeypatch.setattr("stc.solver.active_set.STEPS", 0)
-    monkeypatch.setattr("stc.solver.warm_start.from_neighbour", lambda *_, **__: (None, False))
-    monkeypatch.setattr("stc.solver.active_set.NEAR", 0.0)
-    monkeypatch.setattr("stc.solver.sqp.FOLLOWED", Tactics(budget=1))
-
-
-def test_a_motion_that_is_lost_on_all_frames_is_solved_half_way(
-    always_lost: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried: list[int] = []
-    between = ColdSolve._between
-
-    def noted(self: ColdSolve, *given: Any) -> Any:
-        found = between(self, *given)
-        assert found is not None
-        tried.append(found[0].n)
-        assert found[0].status == "optimal"
-        return found
-
-    monkeypatch.setattr(ColdSolve, "_between", noted)
-    places, solution = started(PENDULUM)
-    assert tried == [141]
-    assert places == ["far", "near", "far", "near"]
-    assert solution.status == "optimal"
-    direct = stc.load(PENDULUM).solve(fewer_first=False)
-    assert solution.objective == pytest.approx(direct.objective, rel=1e-8)
-
-
-def test_the_limit_counts_the_iterations_half_way(always_lost: None) -> None:
-    model = stc.load(PENDULUM)
-    needed = model.solve().iterations
-    for most in range(1, needed + 1):
-        solution = model.solve(max_iterations=most)
-        assert solution.iterations <= most
-        assert solution.status in ("optimal", "iteration_limit")
-        assert solution.n == 400
-    assert model.solve(max_iterations=needed + 1).status == "optimal"
 
 
 LIMITS = [Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.FAILED]
@@ -625,24 +454,6 @@ def test_a_point_that_meets_all_rows_disproves_that_none_does(small: Model) -> N
     assert (result.status, result.violation) == (Status.INFEASIBLE, 3.0)
 
 
-def test_a_stop_half_way_stops_the_solve_that_waits_for_it(small: Model) -> None:
-    class Waiting(Fake):
-        """The first solve on all frames asks for another start, and ends where it is told to stop."""
-
-        def fine(self, options: Options, start: Start | None, told: object) -> Result:
-            result = super().fine(options, start, told)
-            if start is None or start.another is None:
-                return result
-            with pytest.raises(KeyboardInterrupt):
-                start.another(options.max_iterations)
-            return replace(result, status=Status.INTERRUPTED)
-
-    half = ended(Status.INTERRUPTED, 1.0, 5)
-    fake = Waiting(small, ended(Status.OPTIMAL, 10.0, 7), ended(Status.FAILED, 30.0, 4), half)
-    result = fake.run()
-    assert (result.status, result.iterations) == (Status.INTERRUPTED, 16)
-
-
 def test_a_stop_at_any_time_is_an_interruption() -> None:
     model = stc.load(PENDULUM)
     needed = model.solve().iterations
@@ -650,18 +461,3 @@ def test_a_stop_at_any_time_is_an_interruption() -> None:
         solution = model.solve(callback=lambda record, last=last: record.iteration >= last)
         assert solution.status == "interrupted"
         assert solution.iterations <= last + 1
-
-
-def test_a_stop_of_what_was_to_help_is_an_interruption(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = stc.load(PENDULUM.replace("n = 400", "n = 48"))
-    monkeypatch.setattr("stc.solver.sqp.GUESSED", Tactics(budget=3))
-    far = 0
-
-    def told(record: IterationRecord) -> bool:
-        nonlocal far
-        far += record.x is None
-        return far >= 2
-
-    solution = model.solve(callback=told)
-    assert (solution.status, far) == ("interrupted", 2)
-    assert "interrupted" in solution.message

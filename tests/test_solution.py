@@ -204,7 +204,7 @@ def test_a_failed_solve_may_leave_steps_without_length(tmp_path: Path) -> None:
     )
     problem, transcription = stc.load(text).transcription("trapezoidal")
     x = np.array([1.0, 0.0, 2.0, 0.0, 4.0, 0.0, 0.0])
-    result = Result(Status.FAILED, x, np.zeros(3), np.zeros(7), *[float("nan")] * 4, 0, 0, "")
+    result = Result(Status.FAILED, x, np.zeros(3), np.zeros(7), *[float("nan")] * 3, 0, 0, "")
     collect(transcription, result, problem.constants, {}, {}).save(tmp_path / "a.npz")
     again = read(tmp_path / "a.npz")
     assert list(again.time) == [0.0, 0.0, -1.0]
@@ -257,7 +257,6 @@ def rich_solution(method: str) -> Solution:
         objective=1 / 7,
         violation=float("nan"),
         optimality=1e-12,
-        scaled_optimality=1e-12,
         iterations=3,
         factorizations=4,
         message="stopped\nafter two",

@@ -34,7 +34,7 @@ class Claim:
 
     @property
     def holds(self) -> bool:
-        """Whether the two agree."""
+        """Whether the number that the solution states agrees with the recomputed one."""
         return self.claimed == self.recomputed or abs(self.claimed - self.recomputed) <= self.tolerance
 
     def __str__(self) -> str:

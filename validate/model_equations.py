@@ -97,7 +97,7 @@ class ModelEquations:
         data.qvel[self._velocity] = v
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
-        """(k, k) M."""
+        """The mass matrix M of the k joints at their positions q, (k, k)."""
         self._put(q, np.zeros(len(q)))
         return self._dynamics.mass_matrix()[np.ix_(self._velocity, self._velocity)]
 
@@ -145,7 +145,7 @@ class ModelEquations:
         return found
 
     def force(self, q: FloatArray, v: FloatArray, u: FloatArray, f: FloatArray) -> FloatArray:
-        """(k,) Q."""
+        """The generalised forces Q of actuators with controls u and of outer forces f, (k,)."""
         self._put(q, v)
         dynamics = self._dynamics
         self._controls[self._address] = u

@@ -61,7 +61,7 @@ class Reference:
             for part in range(3 if self.has_acceleration else 2)
         ]
         #: Per order and power of s an array (n, k) of coefficients.
-        self._coefficients = [_by_power(sources, solution) for sources in self._sources] if solution.n else []
+        self._coefficients = _by_power(self._sources, solution) if solution.n else []
         self._time = solution.time
 
     def in_step(self, step: int, shares: FloatArray) -> list[FloatArray]:
@@ -136,13 +136,18 @@ def _slices(lengths: Sequence[int]) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
-def _by_power(sources: Sequence[Source], solution: Solution) -> list[FloatArray]:
-    """Coefficient arrays (n, k) per power of k curves."""
+def _by_power(parts: Sequence[Sequence[Source]], solution: Solution) -> list[list[FloatArray]]:
+    """For each part, coefficient arrays (n, k) per power of its k curves."""
     n = solution.n
     steps, lengths = np.arange(n), np.diff(solution.time)
-    made = [curves(solution.method, orders, steps, lengths)[order] for orders, order in sources]
-    found = [np.zeros((n, len(made))) for _ in range(max(len(curve) for curve in made))]
-    for column, curve in enumerate(made):
-        for power, coefficient in enumerate(curve):
-            found[power][:, column] = coefficient
+    every = {id(orders): orders for sources in parts for orders, _ in sources}
+    made = {key: curves(solution.method, orders, steps, lengths) for key, orders in every.items()}
+    found = []
+    for sources in parts:
+        own = [made[id(orders)][order] for orders, order in sources]
+        powers = [np.zeros((n, len(own))) for _ in range(max(len(curve) for curve in own))]
+        for column, curve in enumerate(own):
+            for power, coefficient in enumerate(curve):
+                powers[power][:, column] = coefficient
+        found.append(powers)
     return found

@@ -236,19 +236,27 @@ def tied_joints(model: mujoco.MjModel, solution: Solution) -> list[Tie]:
             solution lacks.
     """
     found: dict[int, dict[str, ReplayChannel]] = {}
+    names = joint_names(model)
     for line in lines_of(solution, "joint"):
-        joint, part = joint_part(model, line.path)
+        joint, part = joint_part(model, line.path, names)
         found.setdefault(joint, {})[part] = line
-    return [tie for joint, lines in found.items() for tie in _ties(model, joint, lines)]
+    return [tie for joint, lines in found.items() for tie in _ties(model, joint, names[joint], lines)]
 
 
-def joint_part(model: mujoco.MjModel, path: tuple[str, ...]) -> tuple[int, str]:
+def joint_part(
+    model: mujoco.MjModel, path: tuple[str, ...], names: Sequence[str] | None = None
+) -> tuple[int, str]:
     """The joint that a path names, and its part: "" for a slide or hinge joint.
+
+    Args:
+        model: that has the joint.
+        path: the name, and that of the part.
+        names: of all joints, if they are at hand.
 
     Raises:
         ModelError: there is no such joint, or it has no such part.
     """
-    written, names = f"joint {'.'.join(path)}", joint_names(model)
+    written, names = f"joint {'.'.join(path)}", names or joint_names(model)
     whole, owner = ".".join(path), ".".join(path[:-1])
     if whole in names:
         joint, part = names.index(whole), ""
@@ -271,11 +279,15 @@ def find_joint(model: mujoco.MjModel, name: str) -> tuple[int, int, str]:
     Raises:
         ModelError: there is none of this name, or it has several coordinates.
     """
+    joint, _ = joint_part(model, (name,))
+    return int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint]), _unit(model, joint)
+
+
+def _unit(model: mujoco.MjModel, joint: int) -> str:
+    """The unit of a slide or hinge joint's coordinate."""
     import mujoco
 
-    joint, _ = joint_part(model, (name,))
-    slides = int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
-    return int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint]), "m" if slides else "rad"
+    return "m" if int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE) else "rad"
 
 
 def parts_of(model: mujoco.MjModel, joint: int) -> tuple[str, ...]:
@@ -296,15 +308,15 @@ def joint_dof(model: mujoco.MjModel, joint: int, part: str) -> int | None:
     return first + parts.index(part) if part in parts else None
 
 
-def _ties(model: mujoco.MjModel, joint: int, lines: Mapping[str, ReplayChannel]) -> list[Tie]:
+def _ties(model: mujoco.MjModel, joint: int, name: str, lines: Mapping[str, ReplayChannel]) -> list[Tie]:
     """The ties of one joint."""
-    name, parts = joint_names(model)[joint], parts_of(model, joint)
+    parts = parts_of(model, joint)
     missing = [part for part in parts if part not in lines]
     if missing:
         raise ModelError(f"joint {name}: the replay section lacks its .{', .'.join(missing)}")
     position, velocity = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
     if parts == ("",):
-        return [Coordinate(name, joint, (position, velocity), find_joint(model, name)[2], lines[""])]
+        return [Coordinate(name, joint, (position, velocity), _unit(model, joint), lines[""])]
     places: list[Tie] = [
         Coordinate(f"{name}.{part}", joint, (position + k, velocity + k), "m", lines[part], k)
         for k, part in enumerate(part for part in parts if part in PLACE)

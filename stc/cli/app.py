@@ -567,6 +567,14 @@ def new(
         str | None,
         typer.Option("--from", metavar="SPEC", help="Copy this bundled spec, to change the copy."),
     ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            "--time-limit",
+            metavar="S",
+            help="Processor time for each page that is tried for a model, in seconds; 20 without it.",
+        ),
+    ] = None,
 ) -> int:
     """Write a commented starter spec that solves and validates, or a copy of a bundled one."""
-    return jobs.new(name, model, copied)
+    return jobs.new(name, model, copied, seconds)

@@ -300,14 +300,14 @@ def list_specs(*, as_json: bool) -> int:
     return GOOD
 
 
-def new(name: str, model: str | None, copied: str | None = None) -> int:
+def new(name: str, model: str | None, copied: str | None = None, seconds: float | None = None) -> int:
     """Write a starter spec or a copy of a bundled one, under a name that does not exist."""
     import shlex
 
     from stc import specs
     from stc.cli.starter import write
 
-    path = write(name, model, copied)
+    path = write(name, model, copied, seconds)
     print(f"{path} written; next: stc run {shlex.quote(str(path))}")
     if path.parent == Path() and path.stem in specs.names():
         console.note(f"{path.stem} is a bundled spec too: in this folder that name means {path} from now on")

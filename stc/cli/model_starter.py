@@ -17,15 +17,15 @@ from typing import Any
 
 from stc import pipeline
 from stc.bundled import with_text
+from stc.cli.console import note
 from stc.cli.model_files import find
-from stc.cli.trees import objects
+from stc.cli.trees import groups, objects
 from stc.deadline import spent, using
 from stc.errors import EndedError, Source, StcError, UsageError
 from stc.language.model.scope import path_of, quoted
 from stc.mechanism.mechanism import Mechanism
 from stc.mechanism.read import ModelFileError, read_model
 from stc.mechanism.refusals import refusals, without
-from stc.model_source import ADDITIONS
 from stc.records import dataclass
 from stc.stance import Matrix, Spot, Stance
 
@@ -33,9 +33,9 @@ from stc.stance import Matrix, Spot, Stance
 _LEVEL, _NEAR = 1e-3, 0.1
 #: Limits of a trial solve, in processor time: a page to start from is an easy one.
 _ITERATIONS, _SECONDS = 200, 20.0
-#: For all pages together on which a model stands or holds its pose, after which it is let go; and the share of these
-#: that is worth another trial.
-_SECONDS_TO_HOLD, _LEAST = 30.0, 0.1
+#: The share of this for all pages together on which a model stands or holds its pose, after which it is let go; and the
+#: share of what is left that is worth another trial.
+_SHARE_TO_HOLD, _LEAST = 1.5, 0.1
 #: Contacts that take back slower than this what they give way by, in s, are made as stiff as this in the replay: the
 #: motion is that of rigid ones.
 _STIFF = 5e-4
@@ -50,6 +50,9 @@ _GRAVITY = 9.81
 #: The share of friction that the page uses: within MuJoCo's pyramid of forces, and with something to spare.
 _GRIP = 0.7
 
+
+#: What is added to the URDF of a robot that stands on legs or wheels, in words of the language.
+_TO_STAND = ("freejoint", "motors", "floor")
 
 #: Joints by their paths, and values.
 Changes = Sequence[tuple[str, float]]
@@ -93,7 +96,7 @@ class _Page:
     raised: float = 0.0
 
 
-def starter(name: str, path: Path) -> str:
+def starter(name: str, path: Path, seconds: float | None = None) -> str:
     """A commented spec that moves a model, solves as it stands, and passes validation.
 
     Parameters
@@ -102,23 +105,28 @@ def starter(name: str, path: Path) -> str:
         The model file, or the name of a bundled model.
     path
         Where the spec is to be written.
+    seconds
+        Processor time that each page may take; None for :data:`_SECONDS`.
 
     Raises
     ------
     UsageError
-        There is no such model, or it has no joints.
+        There is no such model, or it has no joints; the time is not positive.
     """
+    if seconds is not None and not seconds > 0.0:
+        raise UsageError(f"--time-limit must be a positive number of seconds, not {seconds:g}")
+    most = _SECONDS if seconds is None else seconds
     mechanism, words = _completed(find(name))
     if not mechanism.joints:
         raise UsageError(f"the model `{name}` has no joints: there is nothing to move")
     model = f'"{_written(name, path)}"{words}'
     solved = text = ""
     others: list[str] = []
-    for pages, seconds in ((_that_hold, _SECONDS_TO_HOLD), (_that_let_go, _SECONDS)):
-        end = time.thread_time() + seconds
+    for pages, share in ((_that_hold, _SHARE_TO_HOLD), (_that_let_go, 1.0)):
+        end = time.thread_time() + share * most
         for page in pages(mechanism):
-            left = min(_SECONDS, end - time.thread_time())
-            if text and left < _LEAST * seconds:
+            left = min(most, end - time.thread_time())
+            if text and left < _LEAST * share * most:
                 others.append(f"{page.title}: not tried, since the others took long")
                 break
             text = _text(page, mechanism, path, name, model)
@@ -126,15 +134,16 @@ def starter(name: str, path: Path) -> str:
             if not fate:
                 return _with_others(text, others)
             others.append(f"{page.title}: {fate}")
-            if fate == _LARGE and left == _SECONDS:
-                return solved or _LARGE.format(seconds=_SECONDS) + text
+            if fate == _LARGE and len(others) == 1:  # it had all of the time
+                return solved or _LARGE.format(seconds=most) + text
+            note(f"tried: {Path(name).stem} {others[-1]}")
             if fate not in (_UNSOLVED, _LARGE):
                 solved = (
                     solved or f"# The solve ends optimal, and the motion fails in MuJoCo: {fate}.\n{text}"
                 )
         if not others:
             others.append("holds a pose: none was found in which motors and ground carry it")
-    return solved or f"# Within {_SECONDS:g} s of processor time it was not solved.\n{text}"
+    return solved or f"# Within {most:g} s of processor time it was not solved.\n{text}"
 
 
 def _with_others(text: str, others: Sequence[str]) -> str:
@@ -149,29 +158,34 @@ def _with_others(text: str, others: Sequence[str]) -> str:
 def _completed(file: Path) -> tuple[Mechanism, str]:
     """A model without what cannot be stated, and the words in which a spec says so.
 
-    To a URDF are added motors, and where it stands on legs or cannot move else also what lets it stand.  Many a model
-    of a robot leaves the floor to another file, which includes it.
+    To a URDF are added motors, and where it stands on legs or wheels or cannot move else also what lets it stand.  Many
+    a model of a robot leaves the floor to another file, which includes it.
     """
     plain = read_model(file)
     left = sorted({refusal.kind for refusal in refusals(plain)})
     added: tuple[str, ...] = ()
-    if plain.is_urdf:
-        added = tuple(ADDITIONS) if not plain.joints or _has_legs(file) else ("motors",)
-    elif _travels(plain, objects(plain)) and all(geom.body for geom in plain.geoms):
-        added = ("floor",)
+    if plain.is_urdf and _travels(plain, objects(plain)):
+        added = ("motors", "floor")
+    elif plain.is_urdf:
+        added = _TO_STAND if not plain.joints or _stands(file) else ("motors",)
+    else:
+        if len(read_model(file, additions=("excludes",)).excluded) > len(plain.excluded):
+            added += ("excludes",)
+        if _travels(plain, objects(plain)) and all(geom.body for geom in plain.geoms):
+            added += ("floor",)
     words = [f"with {', '.join(added)}"] if added else []
     words += [f"without {', '.join(left)}"] if left else []
     mechanism = read_model(file, additions=added) if added else plain
     return without(mechanism, left), "".join(f" {each}" for each in words)
 
 
-def _has_legs(file: Path) -> bool:
-    """Whether a model whose root is free would stand on legs."""
+def _stands(file: Path) -> bool:
+    """Whether a model whose root is free would stand on legs or wheels."""
     try:
-        free = read_model(file, additions=tuple(ADDITIONS))
+        free = read_model(file, additions=_TO_STAND)
     except ModelFileError:  # a root without mass is no moving body
         return False
-    return Stance(free, free.start).has_legs(_NEAR)
+    return Stance(free, free.start).stands(_NEAR)
 
 
 #: What becomes of a page that is not solved.
@@ -179,7 +193,7 @@ _UNSOLVED = "not solved"
 #: What stands above a page whose solve did not even begin; another page of the model would take as long.
 _LARGE = """\
 # This page was not tried: the model is large, and to derive its equations takes longer than the {seconds:g} s of
-# processor time that `stc new` gives a page.  `stc run` has no such limit.
+# processor time that `stc new` gives a page; `stc new --time-limit 600` gives it more.  `stc run` has no such limit.
 """
 
 
@@ -237,9 +251,9 @@ class _Pages:
         self.travels = _travels(mechanism, loose)
         things = Stance(mechanism, q, frozenset(range(len(mechanism.bodies))) - loose)
         self.lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
-        falls = bool(things.spots) and not self.lying
-        # What falls is left to itself for as long as it touches nothing.
-        self.most = 0.9 * math.sqrt(2.0 * max(0.0, things.height()) / _GRAVITY) if falls else math.inf
+        # What falls is left to itself for as long as it touches nothing; what is drawn in the floor slides along it.
+        falls = things.height() > _LEVEL
+        self.most = 0.9 * math.sqrt(2.0 * things.height() / _GRAVITY) if falls else math.inf
 
     def _page(self, title: str, seconds: float = 0.5, **more: Any) -> _Page:
         seconds = seconds if seconds < self.most else float(f"{self.most:.1g}")
@@ -259,6 +273,8 @@ class _Pages:
             yield self._standing("holds a pose with the least effort", [], inside)
             if self.held:  # what falls may fall on something
                 yield self._page("holds a pose with the least effort", 0.1)
+            elif any(each.active for each in mechanism.equalities):  # which the pose in the file may not fit
+                yield self._page("holds a pose that takes the least effort", pinned=False)
         elif mechanism.actuators and "contact" not in mechanism.options.disabled:
             # A chassis that carries wheels may stand on them alone, or on a caster as well.
             for whole in (False, True):
@@ -306,22 +322,25 @@ def _held(mechanism: Mechanism, loose: Container[int]) -> Sequence[str]:
 
 def _travels(mechanism: Mechanism, loose: Container[int]) -> bool:
     """Whether a body that hangs on the world, and is none of the loose ones, can go up and down without a motor that
-    lifts it.
+    lifts it, and no equality constraint joins it to what is mounted.
     """
     driven = {
         actuator.target
         for actuator in mechanism.actuators
         if actuator.enabled and actuator.transmission in ("joint", "jointinparent")
     }
-    return any(
-        mechanism.bodies[joint.body].parent == 0
-        and joint.body not in loose
-        and (
-            joint.kind == "free"
-            or (joint.kind == "slide" and abs(joint.axis[2]) > 1.0 - 1e-9 and index not in driven)
-        )
+    group = groups(mechanism)
+    roots = [
+        body for body, each in enumerate(mechanism.bodies) if body and not each.parent and body not in loose
+    ]
+    rising = {
+        joint.body
         for index, joint in enumerate(mechanism.joints)
-    )
+        if joint.kind == "free"
+        or (joint.kind == "slide" and abs(joint.axis[2]) > 1.0 - 1e-9 and index not in driven)
+    }
+    mounted = {group[body] for body in roots if body not in rising}
+    return any(body in rising and group[body] not in mounted for body in roots)
 
 
 def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) -> str:
@@ -345,7 +364,9 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
         lines += ["contact:                  # what touches the floor, and on which frames"]
         lines += [f"  {foot} = {place};" for foot, place in zip(names, page.feet, strict=True)]
         lines += [f"  [0, n]: {' '.join(f'{foot};' for foot in names)}", ""]
-    lines += ["poses:", f"  begin = {base}{' grounded' if page.feet else ''}{changes};", "", "constraints:"]
+    # What is mounted has no root to be set down; objects on the floor lie on it as they are.
+    grounded = " grounded" if page.feet and _travels(mechanism, objects(mechanism)) else ""
+    lines += ["poses:", f"  begin = {base}{grounded}{changes};", "", "constraints:"]
     if page.pinned:
         lines += ["  [0]: begin; rest;"]
         if page.ends and page.held:

@@ -71,7 +71,7 @@ class Outcome:
         return f"`stc schedule {file}` writes its contacts as ranges of frames, to be solved and validated"
 
     def record(self) -> record.Record:
-        """The record for ``--json``."""
+        """The JSON object of the command: the solution and what was found out about it."""
         known = record.of_solution(
             self.solution, None if self.file is None else str(self.file), self.warnings
         )

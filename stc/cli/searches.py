@@ -26,7 +26,7 @@ DEFAULT_SEED = 1
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """``--continue NAME=FIRST:LAST:STEPS``."""
+    """The argument of ``--continue``, ``NAME=FIRST:LAST:STEPS``: a constant that is changed step by step."""
 
     name: str
     first: float

@@ -61,7 +61,9 @@ replay:
 """
 
 
-def write(name: str, model: str | None = None, copied: str | None = None) -> Path:
+def write(
+    name: str, model: str | None = None, copied: str | None = None, seconds: float | None = None
+) -> Path:
     """Write the starter spec, or a copy of a bundled one, as ``NAME.stc``.
 
     A name may be a path, whose folders are created.
@@ -70,6 +72,7 @@ def write(name: str, model: str | None = None, copied: str | None = None) -> Pat
         name: name of the spec.
         model: a model file for the spec, in place of the particle.
         copied: the name of a bundled spec; the data files that it names are copied too.
+        seconds: processor time for each page that is tried for a model.
 
     Raises:
         UsageError: a file exists, the name is none for a spec, or there is no such bundled spec.
@@ -87,10 +90,12 @@ def write(name: str, model: str | None = None, copied: str | None = None) -> Pat
         if model is not None:
             raise UsageError("`--from` copies a spec with its model: `--model` does not go with it")
         text, files = _bundled(copied)
+    if seconds is not None and model is None:
+        raise UsageError("`--time-limit` is for the pages that `--model` tries")
     if model is not None:
         from stc.cli.model_starter import starter
 
-        text = starter(model, path)
+        text = starter(model, path, seconds)
     ready_to_write(path, "stc new", tell=False)
     written = {path: text, **{path.parent / file.name: file.read_text(encoding="utf-8") for file in files}}
     for target in written:

@@ -7,11 +7,8 @@ from collections.abc import Iterator
 from stc.mechanism.mechanism import Actuator, Equality, Mechanism
 
 
-def objects(mechanism: Mechanism) -> frozenset[int]:
-    """The moving bodies that no actuator can move, as nothing joins them to bodies on which one acts.
-
-    None where the model has no actuators: there everything is alike.
-    """
+def groups(mechanism: Mechanism) -> dict[int, int]:
+    """Bodies that joints or equality constraints join, without the world: a number of its group for each body."""
     # Bodies that hang on the world, each with all that hangs on it, and what joins some of these.
     trees = {body: body for body in range(len(mechanism.bodies))}
     for body in range(1, len(trees)):
@@ -24,6 +21,15 @@ def objects(mechanism: Mechanism) -> frozenset[int]:
             else []
         )
         trees = {body: ends[0] if tree in ends else tree for body, tree in trees.items()}
+    return trees
+
+
+def objects(mechanism: Mechanism) -> frozenset[int]:
+    """The moving bodies that no actuator can move, as nothing joins them to bodies on which one acts.
+
+    None where the model has no actuators: there everything is alike.
+    """
+    trees = groups(mechanism)
     driven = {
         trees[body] for one in mechanism.actuators if one.enabled for body in _of_actuator(mechanism, one)
     }

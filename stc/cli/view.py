@@ -68,7 +68,11 @@ def view(target: str, options: SolveOptions, window: Window, *, live: bool) -> i
 
 
 def _check(target: str, window: Window, live: bool) -> None:
-    """Checks before anything is solved."""
+    """Refuse options that contradict each other, and a window that cannot be opened, before anything is solved.
+
+    Raises:
+        UsageError: with the option, or with what is missing.
+    """
     from stc.viewer.addresses import LOOPBACK, is_loopback, require_address
     from stc.viewer.windows import require_display, studio_is_there
 

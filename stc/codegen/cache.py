@@ -55,53 +55,33 @@ def key_of(*parts: str) -> str:
 def load(key: str) -> bytes | None:
     """Object code stored under ``key``; None when absent, unreadable or damaged."""
     folder = directory()
-    code = None if folder is None else load_from(folder, key)
-    if folder is not None and code is not None:
-        with contextlib.suppress(OSError):
-            os.utime(folder / (key + SUFFIX))  # most recently used
-    return code
-
-
-def load_from(folder: Path, key: str) -> bytes | None:
-    """The object code of a key in some folder; None if the folder does not hold it undamaged."""
+    if folder is None:
+        return None
+    path = f"{folder}/{key}{SUFFIX}"
     try:
-        # Path.read_bytes takes three times as long.
-        with open(f"{folder}/{key}{SUFFIX}", "rb", buffering=0) as file:  # noqa: PTH123
+        with open(path, "rb", buffering=0) as file:  # noqa: PTH123 (Path.read_bytes takes three times as long)
             content = file.read()
     except OSError:
         return None
     header = len(_MAGIC) + 32
     code = content[header:]
-    if (
-        content[: len(_MAGIC)] != _MAGIC
-        or blake2b(code, digest_size=32).digest() != content[len(_MAGIC) : header]
-    ):
+    if content[:header] != _MAGIC + blake2b(code, digest_size=32).digest():
         return None
+    with contextlib.suppress(OSError):
+        os.utime(path)  # most recently used
     return code
 
 
 def store(key: str, code: bytes) -> bool:
     """Store object code; returns whether it could be written."""
-    folder = directory()
+    import tempfile  # takes longer to import than to find what is kept
+
+    folder, temporary = directory(), None
     if folder is None:
         return False
     try:
         # Machine code is executed as it is read: nobody else may write here.
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError:
-        return False
-    if not store_in(folder, key, code):
-        return False
-    prune(SIZE_LIMIT)
-    return True
-
-
-def store_in(folder: Path, key: str, code: bytes) -> bool:
-    """Store object code in an existing folder without limiting its size; returns whether it could be written."""
-    import tempfile  # takes longer to import than to find what is kept
-
-    temporary: Path | None = None
-    try:
         handle, name = tempfile.mkstemp(dir=folder, prefix="new-", suffix=_TEMPORARY)
         temporary = Path(name)
         with os.fdopen(handle, "wb") as file:
@@ -112,6 +92,7 @@ def store_in(folder: Path, key: str, code: bytes) -> bool:
             with contextlib.suppress(OSError):
                 temporary.unlink()
         return False
+    prune(SIZE_LIMIT)
     return True
 
 

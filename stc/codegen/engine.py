@@ -67,7 +67,7 @@ def digest_of(paths: Iterable[Path]) -> str:
 
 @lru_cache(maxsize=1)
 def function_numbers() -> dict[str, int]:
-    """The core's instructions for tapes, and functions for machine code, by name (``stc/core/tapes.h``)."""
+    """The core's instructions for tapes, and functions for machine code, by name (``stc/core/tapes.c``)."""
     names: bytes = core.library().tape_instructions()
     return {name: number for number, name in enumerate(names.decode().split())}
 

@@ -239,18 +239,6 @@ class KernelSet:
             for _ in pool.map(lambda each: each[0].compile(each[1], level), missing):
                 pass
 
-    def bind(
-        self,
-        k: int,
-        workspace: FloatArray,
-        uniform: FloatArray,
-        index: IndexArray,
-        out: FloatArray,
-        kept: FloatArray | None = None,
-    ) -> Bound:
-        """A zero-argument callable that runs kernel ``k`` on these arrays; see :meth:`Kernel.bind`."""
-        return self._kernels[k].bind(workspace, uniform, index, out, kept)
-
     def llvm_ir(self) -> str:
         """The LLVM modules of these kernels, as text."""
         return "\n".join(

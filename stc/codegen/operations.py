@@ -1,14 +1,15 @@
 """Operations of tapes as instructions: arithmetic in place, elementary functions by calls of the core.
 
 Such a call (``stc/core/tapes.c``) loses what registers hold, so :mod:`stc.codegen.residency` moves that to memory
-first.
+first.  What looking up a table is made for, and how tables lie in memory, is told in :mod:`stc.symbolic.tables`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
-from stc.codegen.lookups import clip, places, reaches, read, read_run
+from stc.codegen.engine import LANES
 from stc.codegen.runs import RUN
 from stc.codegen.tape import CIRCULAR, Tape
 from stc.codegen.vector import Vector
@@ -62,9 +63,9 @@ class Operations:
         if op == READ:
             return self.read(slot, a, other)[other]
         if op == CLIP:
-            return clip(vector, a, b)
+            return _clip(vector, a, b)
         if op == REACHES:
-            return reaches(vector, a, b)
+            return _reaches(vector, a, b)
         if op in CIRCULAR:
             sine, cosine = self.circular(slot, a)
             if op == "tan":
@@ -76,12 +77,12 @@ class Operations:
         """The number so many places after each lane's, and what is wanted of the three after it: by their literals."""
         at = self._places.get(slot)
         if at is None:
-            at = self._places[slot] = places(self.vector, place)
+            at = self._places[slot] = _places(self.vector, place)
         for first, together in self._runs[slot]:
             if number in together:
                 if len(together) == 1:
-                    return {number: read(self.vector, at, self._literals[number])}
-                found = read_run(self.vector, at, first)
+                    return {number: _read(self.vector, at, self._literals[number])}
+                found = _read_run(self.vector, at, first)
                 return {each: found[self._literals[each] - first] for each in together}
         raise KeyError(number)
 
@@ -91,3 +92,55 @@ class Operations:
             sine, cosine = self.vector.called("sincos", [angle], 2)
             self._circular[slot] = sine, cosine
         return self._circular[slot]
+
+
+# What looks up a table (:data:`~stc.codegen.tape.LOOKUPS`).
+
+
+def _clip(v: Vector, x: str, last: str) -> str:
+    """x rounded down, between 0 and ``last``; 0 where it is no number."""
+    above = v.select("ogt", x, "zeroinitializer", x, "zeroinitializer")
+    return v.intrinsic("trunc", v.select("olt", above, last, above, last))
+
+
+def _reaches(v: Vector, begin: str, x: str) -> str:
+    """1 where ``begin`` is not above x, else 0."""
+    return v.select("ole", begin, x, v.one(), "zeroinitializer")
+
+
+def _places(v: Vector, place: str) -> list[str]:
+    """Where numbers lie, below 2^31, as a register for each lane."""
+    whole = f"<{v.lanes} x i32>"
+    numbers = v.let(f"fptosi {v.f} {place} to {whole}")
+    found = []
+    for k in range(v.lanes):
+        lane = v.let(f"extractelement {whole} {numbers}, i64 {k}")
+        found.append(v.let(f"getelementptr inbounds double, ptr %uniform, i32 {lane}"))
+    return found
+
+
+def _read(v: Vector, at: Sequence[str], k: int = 0) -> str:
+    """The numbers ``k`` places after given ones (:func:`_places`)."""
+    result = "poison"
+    for lane, pointer in enumerate(at):
+        value = v.let(f"load double, ptr {v.pointer(pointer, 8 * k)}, align 8")
+        result = v.let(f"insertelement {v.f} {result}, double {value}, i64 {lane}")
+    return result
+
+
+def _read_run(v: Vector, at: Sequence[str], k: int) -> list[str]:
+    """The :data:`RUN` numbers from ``k`` places after given ones on, with a load for each lane."""
+    four = f"<{RUN} x double>"
+    lanes = [v.let(f"load {four}, ptr {v.pointer(pointer, 8 * k)}, align 8") for pointer in at]
+    if len(lanes) == 2 * LANES:
+        # Two lanes share a register, those whose halves come to lie beside each other in the last step: that is then
+        # a choice of halves, which machines have an instruction for.
+        lanes = [v.shuffled(four, lanes[k], lanes[k + 2], range(2 * RUN)) for k in (0, 1, 4, 5)]
+    a, b, c, d = lanes
+    size = v.lanes
+    even = [k + other for k in range(0, size, 2) for other in (0, size)]
+    odd = [k + 1 for k in even]
+    first = [k + within for k in range(0, 2 * size, 4) for within in (0, 1)]
+    second = [k + 2 for k in first]
+    pairs = [(v.shuffled(v.f, a, b, chosen), v.shuffled(v.f, c, d, chosen)) for chosen in (even, odd)]
+    return [v.shuffled(v.f, *pair, chosen) for chosen in (first, second) for pair in pairs]

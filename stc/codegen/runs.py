@@ -5,16 +5,12 @@ are mostly neighbours, in the same order whatever the instance: the unknowns of 
 the data of a node.  So a kernel reads :data:`RUN` doubles at once for each lane, and transposes what it has read, in a
 quarter of the instructions.  An input without neighbours is a run of its own.
 
-Where neighbours are apart at a few instances, as on both sides of a jump, a copy of them is kept at the end of the
-workspace, where they are together.
-
 What another kernel has found for the same instances needs none of this: it lies in blocks of lanes already.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +20,6 @@ from stc.records import dataclass
 
 #: How many doubles are read at once: up to so many, less one, after the last that is wanted.
 RUN: Final = 4
-
-#: Inputs that are together at all instances but one in so many are a run.
-_APART: Final = 4
-
-#: Instances that tell where inputs mostly are.
-_SAMPLE: Final = 9
 
 _Ints = NDArray[np.int64]
 
@@ -66,105 +56,28 @@ class Runs:
         return {tape.n_uniform + v: self.kept + v - own for v in range(own, tape.n_varying)}
 
 
-class Copies:
-    """The runs that are copied to the end of the workspace, from ``start`` on, each once."""
-
-    def __init__(self, start: int) -> None:
-        self._start = start
-        self._places: dict[tuple[int, ...], int] = {}
-
-    @property
-    def end(self) -> int:
-        """The position in the workspace after the last copy."""
-        return self._start + RUN * len(self._places)
-
-    def place(self, run: tuple[int, ...]) -> int:
-        """The position of the copy of a run, which is given by the positions of its numbers, -1 for none."""
-        return self._places.setdefault(run, self.end)
-
-    def tables(self, runs: Iterable[tuple[int, ...]]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """The positions of what is copied for these runs, and where to. (k,) each."""
-        pairs = [
-            (position, self._places[run] + k)
-            for run in dict.fromkeys(runs)
-            for k, position in enumerate(run)
-            if position >= 0
-        ]
-        table = np.array(pairs, np.int32).reshape(-1, 2).T
-        return np.ascontiguousarray(table[0]), np.ascontiguousarray(table[1])
-
-
-class Found(NamedTuple):
-    """Runs, where each of them begins for each instance, (runs, k), and those that are copied."""
-
-    runs: Runs
-    starts: _Ints
-    copied: list[tuple[int, ...]]
-
-
-class _Run:
-    """A run under construction.
-
-    Attributes:
-        begin: where its first input is relative to others, at most instances.
-        members: by place within the run, the position of an input for each instance.
-        apart: instances where they are not together.
-    """
-
-    def __init__(self, begin: int, first: _Ints) -> None:
-        self.begin = begin
-        self.members = {0: first}
-        self.apart = np.zeros(len(first), bool)
-
-    def takes(self, within: int, positions: _Ints) -> bool:
-        """Whether an input belongs to the run, which it has joined then."""
-        if within in self.members:
-            return np.array_equal(positions, self.members[within])
-        apart = self.apart | (positions != self.members[0] + within)
-        if np.count_nonzero(apart) * _APART > len(apart):
-            return False
-        self.members[within], self.apart = positions, apart
-        return True
-
-    def at(self, instance: int) -> tuple[int, ...]:
-        """The positions of what is in it, -1 for none."""
-        return tuple(int(self.members[k][instance]) if k in self.members else -1 for k in range(RUN))
-
-
-def find_runs(tape: Tape, positions: _Ints, copies: Copies, kept: tuple[int, int] = (0, 0)) -> Found:
-    """Runs of the inputs that a tape uses.
+def find_runs(tape: Tape, positions: _Ints, kept: tuple[int, int] = (0, 0)) -> tuple[Runs, _Ints]:
+    """Runs of the inputs that a tape uses, and where each of them begins for each instance, (runs, k).
 
     Args:
         tape: whose inputs they are.
         positions: (inputs, k) where each is in the workspace, for each instance.
-        copies: receives what is to be copied.
         kept: where inputs after these are among another kernel's outputs, and how many outputs that has.
     """
-    wanted = [v for v in used_inputs(tape) if v < len(positions)]
     size = positions.shape[1]
-    if size == 0 or not wanted:
-        return Found(Runs((-1,) * len(positions), 0, *kept), np.zeros((0, size), np.int64), [])
-    sample = positions[wanted][:, np.linspace(0, size - 1, _SAMPLE).astype(np.int64)]
-    mostly = np.sort(sample - sample[:1], axis=1)[:, _SAMPLE // 2]
-    found: list[_Run] = []
+    wanted = [v for v in used_inputs(tape) if v < len(positions)] if size else []
+    starts: list[_Ints] = []
     places = [-1] * len(positions)
-    for k in np.argsort(mostly, kind="stable").tolist():
-        v, begin = wanted[k], int(mostly[k])
-        for number in range(max(len(found) - RUN, 0), len(found)):
-            within = begin - found[number].begin
-            if within < RUN and found[number].takes(within, positions[v]):
+    for v in sorted(wanted, key=lambda v: int(positions[v, size // 2])):
+        for number in range(max(len(starts) - RUN, 0), len(starts)):
+            within = int(positions[v, 0] - starts[number][0])
+            if 0 <= within < RUN and np.array_equal(positions[v], starts[number] + within):
                 break
         else:
-            number, within = len(found), 0
-            found.append(_Run(begin, positions[v]))
+            number, within = len(starts), 0
+            starts.append(positions[v])
         places[v] = RUN * number + within
-    starts = np.array([run.members[0] for run in found])
-    copied = []
-    for run, at in zip(found, starts, strict=True):
-        for instance in np.flatnonzero(run.apart).tolist():
-            copied.append(run.at(instance))
-            at[instance] = copies.place(copied[-1])
-    return Found(Runs(tuple(places), len(found), *kept), starts, copied)
+    return Runs(tuple(places), len(starts), *kept), np.array(starts).reshape(len(starts), size)
 
 
 def used_inputs(tape: Tape) -> list[int]:

@@ -27,7 +27,6 @@ Operations come in the order of :func:`_schedule`.
 from __future__ import annotations
 
 import struct
-from collections import Counter
 from collections.abc import Hashable, Iterator, Sequence
 from functools import cached_property
 from hashlib import sha256
@@ -95,25 +94,6 @@ class Tape:
         for number in range(self.n_uniform_ops, len(self.ops)):
             _, a, b = self.ops[number]
             yield number, ((a, b) if b >= 0 and b != a else (a,))
-
-    @cached_property
-    def last_use(self) -> list[int]:
-        """Per slot, the last operation that reads it; -1 if none does, ``len(ops)`` for outputs."""
-        last = [-1] * self.n_slots
-        for number, (_, a, b) in enumerate(self.ops):
-            last[a] = number
-            if b >= 0:
-                last[b] = number
-        for slot in self.outputs:
-            last[slot] = len(self.ops)
-        return last
-
-    def count_ops(self, uniform: bool | None = None) -> dict[str, int]:
-        """How often each operator occurs, in all operations or, by flag, the uniform or the others."""
-        wanted = [
-            op[0] for op, flag in zip(self.ops, self.uniform_ops, strict=True) if uniform in (None, flag)
-        ]
-        return dict(sorted(Counter(wanted).items()))
 
     def digest(self) -> str:
         """A SHA-256 of the content: the same in every process for the same program."""

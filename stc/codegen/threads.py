@@ -46,7 +46,7 @@ def limit(threads: int | None) -> None:
     _limit = threads
     with _starting:
         for helper in filter(None, _found):
-            helper.allow(allowed() > 1)
+            helper.pool.allowed = int(allowed() > 1)
 
 
 def allowed() -> int:
@@ -71,17 +71,13 @@ def _processors() -> int:
         return os.cpu_count() or 1
 
 
-#: How often a list has been timed; the nanoseconds that it took alone and with help lately; how many runs are left
-#: until it is tried the other way, and how many there are from one try to the next.
+#: How often a list has been timed, and the nanoseconds that it took alone and with help lately.
 Record = ctypes.Array[ctypes.c_int64]
-
-#: Runs until the other way is tried for the first time.
-_SHORTEST = 8
 
 
 def record() -> Record:
     """A record in which no time has been measured yet."""
-    return (ctypes.c_int64 * 5)(0, 0, 0, _SHORTEST, _SHORTEST)
+    return (ctypes.c_int64 * 3)()
 
 
 def parallel(phases: Sequence[Sequence[Bound]], known: Record | None = None) -> Bound:
@@ -126,10 +122,6 @@ class _Helper:
 
     def _work(self) -> None:
         core.library().pool_serve(self.pool)
-
-    def allow(self, wanted: bool) -> None:
-        """Whether calls may make use of the thread from now on."""
-        self.pool.allowed = int(wanted)
 
     def stop(self) -> None:
         """Ends the thread; calls go on without it."""

@@ -7,6 +7,7 @@
 #ifndef STC_BATCH_FRONT_H
 #define STC_BATCH_FRONT_H
 
+#include "native.h"
 #include "vec8.h"
 
 /* Pivots that are taken before what they leave is subtracted from all columns together: so few that packed rows stay in

@@ -3,7 +3,7 @@
 #define STC_BATCH_SOLVE_H
 
 #include "batch_front.h"
-#include "batch_state.h"
+#include "system.h"
 
 /* Columns of L that are gone through at once: as many as there are registers for, with one right-hand side and with two. */
 #define BATCH_CHUNK 4
@@ -96,53 +96,64 @@ static void batch_backward_group(int64_t distance, const batch_work *w, const ba
     }
 }
 
-/* left = b - K x of a group, less what its own unknowns have in the rows of the ends. */
-ALWAYS_INLINE void batch_residual_group(int both, const batch_group *g, const double *const *b, const double *const *x,
-                                        double *const *left) {
-    const plan *p = g->shape->plan;
-    const double *value = g->matrix + AT8(g->shape->own);
-    const double *one = x[0] + g->at, *two = both ? x[1] + g->at : one;
-    double *r = left[0] + g->at, *q = both ? left[1] + g->at : r;
-    int32_t own = g->shape->own;
-    for (int64_t k = 0; k < own; k++) {
-        store8(r, AT8(k), load8(b[0], g->at + AT8(k)));
-        if (both) store8(q, AT8(k), load8(b[1], g->at + AT8(k)));
-    }
-    for (int64_t k = own; k < own + g->shape->ends; k++) {
-        store8(r, AT8(k), splat8(0.0));
-        if (both) store8(q, AT8(k), splat8(0.0));
+/* left = b - K x of a group, less what its own unknowns have in the rows of the ends; for one right-hand side or two. */
+ALWAYS_INLINE void batch_residual_group(int count, const batch_group *g, unknowns *const *solving) {
+    const batch_shape *shape = g->shape;
+    const double *value = g->matrix + AT8(shape->own), *x[2];
+    double *left[2];
+    int32_t own = shape->own;
+#pragma GCC unroll 2
+    for (int which = 0; which < count; which++) {
+        x[which] = solving[which]->x + g->at;
+        left[which] = solving[which]->left + g->at;
+        for (int64_t k = 0; k < own; k++) store8(left[which], AT8(k), load8(solving[which]->b, g->at + AT8(k)));
+        for (int64_t k = own; k < own + shape->ends; k++) store8(left[which], AT8(k), splat8(0.0));
     }
     for (int64_t k = 0; k < own; k++) {
-        vec8 own_x = load8(one, AT8(k)), diagonal = load8(g->matrix, AT8(k)), sum = sub_product8(load8(r, AT8(k)), diagonal, own_x);
-        vec8 own_y = own_x, other = sum;
-        if (both) {
-            own_y = load8(two, AT8(k));
-            other = sub_product8(load8(q, AT8(k)), diagonal, own_y);
+        vec8 diagonal = load8(g->matrix, AT8(k)), own_x[2], sum[2];
+#pragma GCC unroll 2
+        for (int which = 0; which < count; which++) {
+            own_x[which] = load8(x[which], AT8(k));
+            sum[which] = sub_product8(load8(left[which], AT8(k)), diagonal, own_x[which]);
         }
-        for (int64_t e = p->entry_start[k]; e < p->entry_start[k + 1]; e++, value += 8) {
-            int64_t row = AT8(p->entry_row[e]);
+        for (int32_t e = shape->start[k]; e < shape->start[k + 1]; e++, value += 8) {
+            int64_t row = AT8(shape->row[e]);
             vec8 v = load8(value, 0);
-            sum = sub_product8(sum, v, load8(one, row));
-            store8(r, row, sub_product8(load8(r, row), v, own_x));
-            if (both) {
-                other = sub_product8(other, v, load8(two, row));
-                store8(q, row, sub_product8(load8(q, row), v, own_y));
+#pragma GCC unroll 2
+            for (int which = 0; which < count; which++) {
+                sum[which] = sub_product8(sum[which], v, load8(x[which], row));
+                store8(left[which], row, sub_product8(load8(left[which], row), v, own_x[which]));
             }
         }
-        store8(r, AT8(k), sum);
-        if (both) store8(q, AT8(k), other);
+#pragma GCC unroll 2
+        for (int which = 0; which < count; which++) store8(left[which], AT8(k), sum[which]);
     }
 }
 
-/* The largest magnitude of so many vectors, no number where one is not finite. */
-static double batch_largest(const double *x, int64_t vectors) {
-    vec8 most = splat8(0.0), check = splat8(0.0);
-    for (int64_t k = 0; k < vectors; k++) {
-        vec8 a = load8(x, AT8(k));
-        most = max8(abs8(a), most);
-        check = add8(check, scaled8(0.0, a));
+/* 0, or not a number where one of `count` numbers is not finite. */
+static double check_of(const double *x, int64_t count) {
+    lanes sum = {0};
+    int64_t i = 0;
+    double found = 0.0;
+    for (; i + LANES <= count; i += LANES) sum += *(const lanes *)(x + i) * all_of(0.0);
+    for (; i < count; i++) found += x[i] * 0.0;
+    for (int lane = 0; lane < LANES; lane++) found += sum[lane];
+    return found;
+}
+
+/* The largest magnitude, not a number where one is not finite. */
+static double norm_of(const double *x, int64_t count) {
+    lanes sum = {0}, most = {0};
+    int64_t i = 0;
+    double found = 0.0;
+    for (; i + LANES <= count; i += LANES) {
+        lanes own = *(const lanes *)(x + i);
+        sum += own * all_of(0.0);
+        most = larger_of(magnitude_of(own), most);
     }
-    return largest8(most) + sum8(check);
+    for (int lane = 0; lane < LANES; lane++) raise_to(&found, most[lane] + sum[lane]);
+    for (; i < count; i++) raise_to(&found, fabs(x[i]) + x[i] * 0.0);
+    return found;
 }
 
 /* Add what a group has in the places of its ends to the rest. */
@@ -159,81 +170,70 @@ static void batch_take_ends(const batch_group *g, const double *rest, double *x)
     for (int32_t k = 0; k < g->shape->ends; k++) store8(own, AT8(k), gather8(rest, g->end, AT8(k)));
 }
 
-static void batch_raise(double *to, double value) { *to = value > *to || value != value ? value : *to; }
-
 /* Which vector a step solves in: the first one in the solution itself. */
-static double *batch_target(const batch_state *s, int which) {
-    return s->steps ? s->unknowns[which].change : s->unknowns[which].x;
-}
+static double *target_of(const kkt_state *s, const unknowns *u) { return s->steps ? u->change : u->x; }
 
-void batch_forward(const batch *b, batch_work *w) {
-    batch_state *s = BATCH_STATE(b);
-    const double *rhs[2] = {s->probing ? b->probe : b->rhs, b->second_rhs};
-    for (int which = 0; which <= s->both; which++)
-        for (int64_t k = 0; k < b->rest; k++) w->sum[which][k] = 0.0;
+static void batch_forward(kkt_state *s, batch_work *w) {
+    for (int which = 0; which < s->count; which++)
+        for (int64_t k = 0; k < s->size; k++) w->sum[which][k] = 0.0;
     for (int32_t at = w->first; at < w->end; at++) {
         batch_group *g = s->groups + at;
         int32_t own = g->shape->own;
-        for (int which = 0; which <= s->both; which++) {
-            unknowns *u = s->unknowns + which;
-            double *x = batch_target(s, which) + g->at;
+        for (int which = 0; which < s->count; which++) {
+            unknowns *u = s->solving[which];
+            double *x = target_of(s, u) + g->at;
             if (!s->steps) {
-                vec8 most = splat8(0.0), check = splat8(0.0);
                 for (int32_t k = 0; k < own; k++) {
-                    vec8 v = mul8(gather8(rhs[which], g->unknown, AT8(k)), load8(s->scale, g->at + AT8(k)));
+                    vec8 v = s->probing ? load8(u->b, g->at + AT8(k))
+                                        : mul8(gather8(u->rhs, g->unknown, AT8(k)), load8(s->scale, g->at + AT8(k)));
                     store8(u->b, g->at + AT8(k), v);
                     store8(x, AT8(k), v);
-                    most = max8(abs8(v), most);
-                    check = add8(check, scaled8(0.0, v));
                 }
-                batch_raise(&w->length[which], largest8(most) + sum8(check));
+                raise_to(&w->length[which], norm_of(x, AT8(own)));
             }
             for (int32_t k = own; k < own + g->shape->ends; k++) store8(x, AT8(k), splat8(0.0));
         }
-        batch_forward_group(s->distance, w, g, batch_target(s, 0) + g->at, s->both ? batch_target(s, 1) + g->at : NULL);
-        for (int which = 0; which <= s->both; which++) batch_add_ends(g, batch_target(s, which), w->sum[which]);
+        double *x = target_of(s, s->solving[0]) + g->at, *y = s->count > 1 ? target_of(s, s->solving[1]) + g->at : NULL;
+        batch_forward_group(s->distance, w, g, x, y);
+        for (int which = 0; which < s->count; which++) batch_add_ends(g, target_of(s, s->solving[which]), w->sum[which]);
     }
 }
 
-void batch_backward(const batch *b, batch_work *w) {
-    batch_state *s = BATCH_STATE(b);
-    const double *rest[2] = {b->rest_solution, b->rest_second_solution}, *right[2], *x[2];
-    double *left[2];
-    for (int which = 0; which <= s->both; which++) {
-        right[which] = s->unknowns[which].b;
-        x[which] = s->unknowns[which].x;
-        left[which] = s->unknowns[which].left;
+static void batch_backward(kkt_state *s, batch_work *w) {
+    for (int which = 0; which < s->count; which++) {
         w->highest[which] = w->remaining[which] = 0.0;
-        for (int64_t k = 0; k < b->rest; k++) w->sum[which][k] = 0.0;
+        for (int64_t k = 0; k < s->size; k++) w->sum[which][k] = 0.0;
     }
     for (int32_t at = w->first; at < w->end; at++) {
         batch_group *g = s->groups + at;
-        int64_t all = g->shape->own + g->shape->ends;
-        for (int which = 0; which <= s->both; which++) batch_take_ends(g, rest[which], batch_target(s, which));
-        batch_backward_group(s->distance, w, g, batch_target(s, 0) + g->at, s->both ? batch_target(s, 1) + g->at : NULL);
-        if (s->steps > 0)
-            for (int which = 0; which <= s->both; which++) {
-                if (!s->unknowns[which].active) continue;
-                double *to = s->unknowns[which].x + g->at;
-                const double *change = s->unknowns[which].change + g->at;
-                for (int64_t k = 0; k < all; k++) store8(to, AT8(k), add8(load8(to, AT8(k)), load8(change, AT8(k))));
-            }
-        if (s->both) batch_residual_group(1, g, right, x, left);
-        else batch_residual_group(0, g, right, x, left);
-        for (int which = 0; which <= s->both; which++) {
-            batch_raise(&w->highest[which], batch_largest(x[which] + g->at, g->shape->own));
-            batch_raise(&w->remaining[which], batch_largest(left[which] + g->at, g->shape->own));
-            batch_add_ends(g, left[which], w->sum[which]);
+        int64_t own = g->shape->own, all = own + g->shape->ends;
+        for (int which = 0; which < s->count; which++) {
+            double *x = target_of(s, s->solving[which]);
+            batch_take_ends(g, x + s->outer, x);
+        }
+        double *x = target_of(s, s->solving[0]) + g->at, *y = s->count > 1 ? target_of(s, s->solving[1]) + g->at : NULL;
+        batch_backward_group(s->distance, w, g, x, y);
+        for (int which = 0; s->steps && which < s->count; which++) {
+            double *to = s->solving[which]->x + g->at;
+            const double *change = s->solving[which]->change + g->at;
+            for (int64_t k = 0; k < all; k++) store8(to, AT8(k), add8(load8(to, AT8(k)), load8(change, AT8(k))));
+        }
+        if (s->count > 1) batch_residual_group(2, g, s->solving);
+        else batch_residual_group(1, g, s->solving);
+        for (int which = 0; which < s->count; which++) {
+            const unknowns *u = s->solving[which];
+            raise_to(&w->highest[which], norm_of(u->x + g->at, AT8(own)));
+            raise_to(&w->remaining[which], norm_of(u->left + g->at, AT8(own)));
+            batch_add_ends(g, u->left, w->sum[which]);
         }
     }
 }
 
-void batch_return(const batch *b, batch_work *w) {
-    batch_state *s = BATCH_STATE(b);
-    double *result[2] = {s->probing ? b->probed : b->solution, b->second_solution};
+static void batch_return(kkt_state *s, batch_work *w) {
+    double *result[2] = {s->k->solution, s->k->second_solution};
     for (int32_t at = w->first; at < w->end; at++) {
         const batch_group *g = s->groups + at;
-        for (int which = 0; which <= s->both; which++)
+        for (int which = 0; which < s->count; which++)
             for (int32_t k = 0; k < g->shape->own; k++)
                 scatter8(result[which], g->unknown, AT8(k),
                          mul8(load8(s->unknowns[which].x, g->at + AT8(k)), load8(s->scale, g->at + AT8(k))));

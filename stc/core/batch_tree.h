@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "batch_front.h"
-#include "batch_state.h"
+#include "system.h"
 
 /* No factor is larger than 1 over this.  In all lanes at once, 1e-4 as in kkt.c would delay twice as many pivots, and take up
  * to a third more operations (the lamp's jumps); with 1e-6, more than half of their matrices have none for all unknowns. */
@@ -176,7 +176,7 @@ static void batch_find_places(const batch_work *w, const batch_shape *s, const b
     }
 }
 
-void batch_eliminate_group(const batch *b, batch_work *w, batch_group *g) {
+static void batch_eliminate_group(int streamed, batch_work *w, batch_group *g) {
     const batch_shape *s = g->shape;
     const plan *p = s->plan;
     int32_t waiting = 0, corner_stride = s->ends + 1, fronts = p->fronts - (s->ends > 0);
@@ -200,9 +200,8 @@ void batch_eliminate_group(const batch *b, batch_work *w, batch_group *g) {
         f.stride = f.inner + ends;
         f.eliminated = 0;
         if (batch_reserve(w, &f, used[parity], parity, index_used)) { w->no_memory = 1; return; }
-        for (int32_t k = 0; k < own; k++) f.index[delayed + k] = first + k;
-        for (int32_t k = 0; k < inner; k++) f.index[f.summed + k] = rows[k];
-        for (int32_t k = 0; k < ends; k++) f.index[f.inner + k] = rows[inner + k];
+        for (int32_t k = 0; k < own; k++) f.index[delayed + k] = p->order[first + k];
+        for (int32_t k = 0; k < inner + ends; k++) f.index[f.summed + k] = rows[k];
         int32_t put = 0, fresh = 0;
         if (!p->children[at]) {
             for (int32_t k = 0; k < f.inner; k++) w->fresh[k] = k;
@@ -225,20 +224,20 @@ void batch_eliminate_group(const batch *b, batch_work *w, batch_group *g) {
         }
         for (int32_t k = 0; k < own; k++) {
             double *column = f.at + (delayed + k) * AT8(f.stride), *diagonal = column + AT8(delayed + k);
-            store8(diagonal, 0, add8(load8(diagonal, 0), load8(g->matrix, AT8(first + k))));
-            for (int64_t e = p->entry_start[first + k]; e < p->entry_start[first + k + 1]; e++) {
+            store8(diagonal, 0, add8(load8(diagonal, 0), load8(g->matrix, AT8(p->order[first + k]))));
+            for (int32_t e = p->entry_start[first + k]; e < p->entry_start[first + k + 1]; e++) {
                 double *to = column + AT8(batch_place(p->entry_local[e], planned, delayed, f.inner));
-                store8(to, 0, add8(load8(to, 0), load8(g->matrix, AT8(s->own + e))));
+                store8(to, 0, add8(load8(to, 0), load8(g->matrix, AT8(s->own + p->entry[e]))));
             }
         }
         int root = p->parent[at] < 0 || p->parent[at] == fronts;
-        if (batch_eliminate(w, &f, root, BATCH_STATE(b)->distance > 0)) { w->no_memory = 1; return; }
+        if (batch_eliminate(w, &f, root, streamed)) { w->no_memory = 1; return; }
         w->delayed += f.summed - f.eliminated;
         double wide = f.stride, usual = planned + ends;
         w->work += own * usual * usual;
         w->wasted += f.eliminated * wide * wide - own * usual * usual;
         for (int32_t k = f.eliminated; k < f.summed; k++)
-            __atomic_store_n(s->weak + p->order[f.index[k]], (uint8_t)1, __ATOMIC_RELAXED);
+            __atomic_store_n(s->weak + f.index[k], (uint8_t)1, __ATOMIC_RELAXED);
         if (root) {
             if (f.eliminated < f.summed) { w->refused = 1; return; }
             continue;
@@ -257,11 +256,7 @@ void batch_eliminate_group(const batch *b, batch_work *w, batch_group *g) {
     for (int32_t i = 0; i < s->ends; i++)
         for (int32_t j = 0; j <= i; j++, result += 8) {
             const double *value = f.corner + AT8(j * (int64_t)corner_stride + i);
-            for (int lane = 0; lane < g->segments; lane++) {
-                int32_t to = result[lane];
-                if (to >= 0) w->result[to] += value[lane];
-                else w->result[-1 - to] -= value[lane];
-            }
+            for (int lane = 0; lane < g->segments; lane++) w->result[result[lane]] += value[lane];
         }
 }
 

@@ -14,7 +14,7 @@
 
 typedef int64_t (*prepared)(void *arguments);
 
-/* --- A list, one call after the other (calls.c). */
+/* --- A list, one call after the other (tapes.c). */
 
 typedef struct {
     prepared entry;
@@ -44,7 +44,6 @@ typedef struct {
 typedef struct {
     int64_t runs;          /* so many were timed */
     int64_t alone, helped; /* nanoseconds on one thread and on two, 0 where that is not known */
-    int64_t left, wait;    /* runs until it is tried the other way, and from one such try to the next */
 } timing;
 
 typedef struct {

@@ -46,12 +46,8 @@ class Bound(functools.partial[Any]):
     def of_python(cls, function: Callable[..., Any], arguments: Sequence[Any]) -> Self:
         """The same surface over a Python function."""
         bound = cls(function, *arguments)
-        bound.allocate([0])
+        bound.integers = (ctypes.c_int64 * 1)()
         return bound
-
-    def allocate(self, cells: Sequence[int]) -> None:
-        """Cells for a call that keeps its scalars there without being machine code."""
-        self.integers = (ctypes.c_int64 * max(len(cells), 1))(*cells)
 
     @functools.cached_property
     def floats(self) -> ctypes.Array[ctypes.c_double]:

@@ -73,7 +73,6 @@ FLAGS = [
 #: Products and sums are rounded as they are written, so that results are the same on all processors, but for inner
 #: loops, where they are contracted to multiply-adds.
 CONTRACTED = {
-    "batch",
     "conditions",
     "elastic",
     "gather",

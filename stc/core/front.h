@@ -21,12 +21,11 @@ typedef struct {
     int32_t summed;   /* columns that may be eliminated, the first ones */
     int32_t eliminated;
     int32_t pending;  /* how many of them are still to be subtracted from what is left */
-    int32_t *index;   /* position of each unknown */
+    int32_t *index;   /* which unknown each row is */
     double *inverse;  /* D^-1 of its pivots */
     uint8_t *kind;
     double *panel;    /* L D of a panel, by rows of so many numbers as the stride; then two columns */
     double threshold;
-    const int32_t *order;
     int32_t variables;
     int64_t positive, negative, zero, pairs;
 } front;
@@ -254,7 +253,7 @@ static void eliminate(front *f) {
         }
         double beside = bring_column(f, begin, k, k, column), d = column[k];
         if (fabs(d) <= NOTHING && beside <= NOTHING) {
-            int variable = f->order[f->index[k]] < f->variables;
+            int variable = f->index[k] < f->variables;
             memset(column + k, 0, sizeof(double) * (size_t)(stride - k));
             take_one(f, k, count, column, variable ? REPLACEMENT : -REPLACEMENT);
             f->zero++;

@@ -1,4 +1,4 @@
-"""The core's shared library, loaded: the structs and functions that ``kkt.h`` and ``calls.h`` declare.
+"""The core's shared library, loaded: what ``calls.h`` declares.
 
 There is one library for each instruction set (``stc/core/processor.h``); the best that the processor has is taken.
 What else is in it is called through :mod:`stc.core.functions`.
@@ -13,66 +13,11 @@ import sys
 
 from stc.errors import StcError
 
-__all__ = ["Arrays", "Facts", "Options", "Pattern", "Pool", "instructions", "library"]
+__all__ = ["Pool", "instructions", "library"]
 
 FOLDER = os.path.dirname(__file__)  # noqa: PTH120 (making a Path takes as long as loading a library)
 SUFFIX = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
 REBUILD = "python stc/core/compiling.py makes it anew, as does pip install"
-_int32s = ctypes.c_void_p
-_doubles = ctypes.c_void_p
-
-
-class Pattern(ctypes.Structure):
-    """See ``kkt_pattern``."""
-
-    _fields_ = [
-        ("n", ctypes.c_int32),
-        ("m", ctypes.c_int32),
-        ("hess_count", ctypes.c_int64),
-        ("jac_count", ctypes.c_int64),
-        ("hess_rows", _int32s),
-        ("hess_cols", _int32s),
-        ("jac_rows", _int32s),
-        ("jac_cols", _int32s),
-        ("stage", _int32s),
-    ]
-
-
-class Arrays(ctypes.Structure):
-    """See ``kkt_arrays``."""
-
-    _fields_ = [
-        (name, _doubles)
-        for name in (
-            "hess", "jac", "primal", "dual", "rhs", "second_rhs", "solution", "second_solution", "report",
-            "accuracy", "inertia",
-        )
-    ]  # fmt: skip
-
-
-class Options(ctypes.Structure):
-    """See ``kkt_options``."""
-
-    _fields_ = [
-        ("threshold", ctypes.c_double),
-        ("certain", ctypes.c_double),
-        ("fine", ctypes.c_double),
-        ("refinements", ctypes.c_int64),
-        ("replan", ctypes.c_int64),
-        ("stale", ctypes.c_double),
-    ]
-
-
-class Facts(ctypes.Structure):
-    """See ``kkt_facts``."""
-
-    _fields_ = [
-        (name, ctypes.c_int64)
-        for name in (
-            "factorizations", "plans", "fronts", "entries", "planned", "operations", "delayed", "pairs",
-            "replaced",
-        )
-    ]  # fmt: skip
 
 
 class Pool(ctypes.Structure):
@@ -125,15 +70,6 @@ def library(kind: str | None = None) -> ctypes.CDLL:
             raise StcError(f"the numerical core ({loaded._name}) is older than its sources: {REBUILD}")
     call, pool = ctypes.c_void_p, ctypes.POINTER(Pool)
     for name, result, arguments in (
-        ("kkt_new", ctypes.c_void_p, [ctypes.POINTER(Pattern), ctypes.POINTER(Arrays)]),
-        ("kkt_free", None, [ctypes.c_void_p]),
-        ("kkt_restart", None, [ctypes.c_void_p]),
-        ("kkt_options_of", ctypes.POINTER(Options), [ctypes.c_void_p]),
-        ("kkt_facts_of", ctypes.POINTER(Facts), [ctypes.c_void_p]),
-        ("kkt_refactor", ctypes.c_int64, [call]),
-        ("kkt_attempt", ctypes.c_int64, [call]),
-        ("kkt_solve", ctypes.c_int64, [call]),
-        ("kkt_solve_both", ctypes.c_int64, [call]),
         ("chain_run", ctypes.c_int64, [call]),
         ("job_run", ctypes.c_int64, [call]),
         ("tape_run", ctypes.c_int64, [call]),

@@ -98,7 +98,7 @@ static void clear(const front *f) {
 }
 
 /* Where a front and what it leaves go: enough room for all of it, or -1. */
-static int reserve(kkt *s, int32_t size, int32_t summed, int64_t factors_used, int64_t stack_used, int64_t index_used) {
+static int reserve(kkt_state *s, int32_t size, int32_t summed, int64_t factors_used, int64_t stack_used, int64_t index_used) {
     int64_t stride = stride_of(size), all = stride * columns_of(size);
     /* Vectors and tiles of what a front leaves begin anywhere, and reach beyond its last row and column. */
     if (arena_reserve(&s->factors, factors_used + stride * summed + LANES, factors_used)) return -1;
@@ -134,17 +134,19 @@ static int64_t operations_of(int64_t size, int64_t taken) {
 }
 
 /* How many of some unknowns are rows. */
-static int32_t rows_among(const kkt *s, const int32_t *index, int32_t count) {
+static int32_t rows_among(const kkt_state *s, const int32_t *index, int32_t count) {
     int32_t rows = 0;
-    for (int32_t k = 0; k < count; k++) rows += s->plan->order[index[k]] >= s->n;
+    for (int32_t k = 0; k < count; k++) rows += index[k] >= s->variables;
     return rows;
 }
 
-int64_t factorize_all(kkt *s, int needed) {
+int64_t factorize_rest(kkt_state *s, int needed) {
+    kkt *k = s->k;
     const plan *p = s->plan;
-    int64_t factors_used = 0, stack_used = 0, index_used = 0, entries = 0, operations = 0, delayed_in_all = 0;
-    int32_t waiting = 0, pivots = 0, widest = 0, held = 0;
-    front f = {.order = p->order, .variables = s->n};
+    int64_t factors_used = 0, stack_used = 0, index_used = 0, entries = 0, operations = 0, delayed_in_all = 0, wasted = 0;
+    int32_t waiting = 0, pivots = 0, widest = 0, held = 0, ordered = s->order == p->order;
+    const double *value = s->left + s->size;
+    front f = {.variables = s->variables};
     for (int32_t at = 0; at < p->fronts; at++) {
         int32_t first = p->first[at], own = p->first[at + 1] - first, delayed = 0, excess = 0;
         int64_t positive = f.positive;
@@ -163,24 +165,24 @@ int64_t factorize_all(kkt *s, int needed) {
         f.inverse = s->inverse + 3 * (int64_t)pivots;
         f.kind = s->kind + pivots;
         f.panel = s->panel.at;
-        f.threshold = held > WAITING_FREELY + size ? LOWEST_THRESHOLD : s->options.threshold;
-        for (int32_t k = 0; k < own; k++) f.index[delayed + k] = first + k;
+        f.threshold = held > WAITING_FREELY + size ? LOWEST_THRESHOLD : k->threshold;
+        memcpy(f.index + delayed, p->order + first, sizeof(int32_t) * (size_t)own);
         memcpy(f.index + f.summed, p->rows + p->row_start[at], sizeof(int32_t) * (size_t)rows);
         clear(&f);
-        for (int32_t k = 0; k < own; k++) {
-            double *column = f.at + (int64_t)(delayed + k) * stride + delayed;
-            column[k] = s->diagonal[first + k];
-            for (int64_t e = p->entry_start[first + k]; e < p->entry_start[first + k + 1]; e++)
-                column[p->entry_local[e]] = s->value[e];
+        for (int32_t i = 0; i < own; i++) {
+            double *column = f.at + (int64_t)(delayed + i) * stride + delayed;
+            column[i] = s->left[p->order[first + i]];
+            for (int32_t e = p->entry_start[first + i]; e < p->entry_start[first + i + 1]; e++)
+                column[p->entry_local[e]] = value[ordered ? e : p->entry[e]];
         }
         for (int32_t c = 0, put = 0; c < p->children[at]; c++) {
             const contribution *child = &s->waiting[--waiting];
             const int32_t *local = p->local + p->row_start[child->front] - child->delayed;
-            for (int32_t k = 0; k < child->delayed; k++) {
-                f.index[put] = s->index[child->index_at + k];
-                s->local[k] = put++;
+            for (int32_t i = 0; i < child->delayed; i++) {
+                f.index[put] = s->index[child->index_at + i];
+                s->local[i] = put++;
             }
-            for (int32_t k = child->delayed; k < child->size; k++) s->local[k] = delayed + local[k];
+            for (int32_t i = child->delayed; i < child->size; i++) s->local[i] = delayed + local[i];
             add_contribution(f.at, stride, s->stack.at + child->at, child, s->local, s->local + s->local_room / 4);
             stack_used = child->at;
             excess += child->excess;
@@ -189,13 +191,13 @@ int64_t factorize_all(kkt *s, int needed) {
         held += f.summed - f.eliminated - delayed;
         int32_t taken = f.eliminated;
         if (p->parent[at] < 0 && taken < size) { /* not a number, or overflowed: give up on what is left */
-            for (int32_t k = taken; k < size; k++) {
-                double *column = f.factor + (int64_t)k * stride;
+            for (int32_t i = taken; i < size; i++) {
+                double *column = f.factor + (int64_t)i * stride;
                 memset(column, 0, sizeof(double) * (size_t)stride);
-                column[k] = 1.0;
-                f.inverse[3 * k] = (p->order[f.index[k]] < s->n ? 1.0 : -1.0) / REPLACEMENT;
-                f.inverse[3 * k + 1] = f.inverse[3 * k + 2] = 0.0;
-                f.kind[k] = ONE;
+                column[i] = 1.0;
+                f.inverse[3 * i] = (f.index[i] < s->variables ? 1.0 : -1.0) / REPLACEMENT;
+                f.inverse[3 * i + 1] = f.inverse[3 * i + 2] = 0.0;
+                f.kind[i] = ONE;
                 f.zero++;
             }
             taken = size;
@@ -207,12 +209,13 @@ int64_t factorize_all(kkt *s, int needed) {
         excess += taken - (int32_t)(f.positive - positive) - rows_among(s, f.index, taken);
         int32_t beyond = needed ? excess - rows_among(s, f.index + taken, size - taken) : 0;
         if (beyond > 0) {
-            s->arrays.inertia[0] = s->n - beyond;
-            s->arrays.inertia[1] = s->m + beyond - f.zero;
-            s->arrays.inertia[2] = f.zero;
+            k->inertia[0] = k->n - beyond;
+            k->inertia[1] = k->m + beyond - f.zero;
+            k->inertia[2] = f.zero;
+            s->wasted_here = wasted;
             return KKT_GIVEN_UP;
         }
-        for (int32_t k = taken; k < f.summed; k++) s->weak[p->order[f.index[k]]] = 1;
+        for (int32_t i = taken; i < f.summed; i++) s->weak[f.index[i]] = 1;
         factored *kept = &s->fronts[at];
         kept->factor_at = factors_used;
         kept->index_at = index_used;
@@ -228,7 +231,7 @@ int64_t factorize_all(kkt *s, int needed) {
         entries += (int64_t)taken * size - (int64_t)taken * (taken - 1) / 2;
         int64_t done = operations_of(size, taken);
         operations += done;
-        s->wasted += (double)(done - operations_of(own + rows, own));
+        wasted += done - operations_of(own + rows, own);
         if (p->parent[at] >= 0) {
             contribution *c = &s->waiting[waiting++];
             c->size = size - taken;
@@ -248,16 +251,15 @@ int64_t factorize_all(kkt *s, int needed) {
         s->work = malloc(sizeof(double) * (size_t)s->work_room);
         if (!s->work) { s->work_room = 0; return KKT_NO_MEMORY; }
     }
-    s->facts.entries = entries;
-    s->facts.operations = operations;
-    s->facts.delayed = delayed_in_all;
-    s->facts.pairs = f.pairs;
-    s->arrays.inertia[0] = f.positive;
-    s->arrays.inertia[1] = f.negative;
-    s->arrays.inertia[2] = f.zero;
+    k->nonzeros = entries;
+    k->operations = operations;
+    k->delayed = delayed_in_all;
+    k->inertia[0] = f.positive;
+    k->inertia[1] = f.negative;
+    k->inertia[2] = f.zero;
+    s->wasted_here = wasted;
     confirm_zeros(s);
-    s->facts.replaced = s->arrays.inertia[2];
-    return s->arrays.inertia[2] ? KKT_SINGULAR : KKT_OK;
+    return k->inertia[2] ? KKT_SINGULAR : KKT_OK;
 }
 
 #endif

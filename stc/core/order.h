@@ -13,11 +13,8 @@ typedef struct {
     int32_t *entry;
 } graph;
 
-/* The graph of entries of which each couples two unknowns; its arrays are to be freed.  0, or -1 where there is no memory. */
-int graph_new(graph *g, int32_t size, int64_t entries, const int32_t *one, const int32_t *other);
-
-/* Fronts in an order in which children come before their parents, a parent right after its last child.  Unknowns are
- * numbered by position in the order of elimination from here on. */
+/* Fronts in an order in which children come before their parents, a parent right after its last child.  Positions are those in
+ * the order of elimination. */
 typedef struct {
     int32_t size, fronts;
     int32_t *order;     /* unknown at each position, (size,) */
@@ -26,11 +23,11 @@ typedef struct {
     int32_t *parent;    /* (fronts,), -1 for roots */
     int32_t *children;  /* how many each has */
     int64_t *row_start; /* (fronts + 1,) */
-    int32_t *rows;      /* positions that a front leaves entries to, increasing */
+    int32_t *rows;      /* unknowns that a front leaves entries to, in the order of elimination */
     int32_t *local;     /* where each of them is in the parent: among its own and its rows */
-    int64_t *entry_start; /* (size + 1,): entries below the diagonal by column */
-    int32_t *entry_row;   /* position of the row */
-    int32_t *entry_local; /* the same, within the front of its column */
+    int32_t *entry_start; /* (size + 1,): entries below the diagonal by column */
+    int32_t *entry_row;   /* the row, an unknown */
+    int32_t *entry_local; /* its place within the front of its column */
     int32_t *entry;       /* number of the entry */
     int64_t entries, operations; /* of L and D, and of the elimination where no pivot is delayed */
 } plan;
@@ -38,7 +35,7 @@ typedef struct {
 /* one, other: the unknowns of every entry, variables before rows; magnitude: of every entry, scaled; stage: negative for
  * unknowns that are not to be eliminated, and make the last front; weak: unknowns that are no pivots by themselves, as far
  * as is known; matrices: so many are eliminated at once.  NULL where there is no memory. */
-plan *plan_new(const graph *couplings, int64_t entries, const int32_t *one, const int32_t *other, const double *magnitude,
+plan *plan_new(int32_t size, int64_t entries, const int32_t *one, const int32_t *other, const double *magnitude,
                int32_t variables, const int32_t *stage, const uint8_t *weak, int32_t matrices);
 void plan_free(plan *p);
 

@@ -18,7 +18,8 @@
 
 static void *array(size_t count, size_t size) { return calloc(count + 1, size); }
 
-int graph_new(graph *g, int32_t size, int64_t entries, const int32_t *one, const int32_t *other) {
+/* The graph of entries of which each couples two unknowns; its arrays are to be freed.  0, or -1 where there is no memory. */
+static int graph_new(graph *g, int32_t size, int64_t entries, const int32_t *one, const int32_t *other) {
     g->size = size;
     g->start = array((size_t)size + 1, sizeof(int64_t));
     g->index = array(2 * (size_t)entries, sizeof(int32_t));
@@ -212,7 +213,7 @@ static int place_entries(plan *p, int64_t entries, const int32_t *one, const int
     p->entry_local = array((size_t)entries, sizeof *p->entry_local);
     p->entry = array((size_t)entries, sizeof *p->entry);
     if (!p->entry_start || !p->entry_row || !p->entry_local || !p->entry) return -1;
-    int64_t *start = p->entry_start;
+    int32_t *start = p->entry_start;
     for (int64_t e = 0; e < entries; e++) {
         int32_t a = p->position[one[e]], b = p->position[other[e]];
         start[(a < b ? a : b) + 1]++;
@@ -220,7 +221,7 @@ static int place_entries(plan *p, int64_t entries, const int32_t *one, const int
     for (int32_t k = 0; k < p->size; k++) start[k + 1] += start[k];
     for (int64_t e = 0; e < entries; e++) {
         int32_t a = p->position[one[e]], b = p->position[other[e]];
-        int64_t put = start[a < b ? a : b]++;
+        int32_t put = start[a < b ? a : b]++;
         p->entry_row[put] = a < b ? b : a;
         p->entry[put] = (int32_t)e;
     }
@@ -294,10 +295,11 @@ done:
     return failed;
 }
 
-plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_t *other, const double *magnitude,
+plan *plan_new(int32_t size, int64_t entries, const int32_t *one, const int32_t *other, const double *magnitude,
                int32_t variables, const int32_t *given_stage, const uint8_t *weak, int32_t matrices) {
-    int32_t size = g->size, nodes = 0, fronts = 0;
+    int32_t nodes = 0, fronts = 0;
     size_t n = (size_t)size;
+    graph made = {0}, *g = &made;
     plan *p = calloc(1, sizeof *p);
     uint8_t *dense = array(n, 1);
     int32_t *mate = array(n, 4), *node_of = array(n, 4), *number = array(n, 4), *member_start = array(n + 1, 4);
@@ -307,7 +309,8 @@ plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_
     tree t = {0, array(n, 4), array(n, 4), array(n, 4), array(n, 4), array(n, 4)};
     int failed = 1;
     if (!p || !dense || !mate || !node_of || !number || !member_start || !member || !front_of || !into || !stack || !stage
-        || !found.element || !found.parent || !found.sequence || !t.parent || !t.own || !t.first_child || !t.next_child || !t.rows)
+        || !found.element || !found.parent || !found.sequence || !t.parent || !t.own || !t.first_child || !t.next_child || !t.rows
+        || graph_new(g, size, entries, one, other))
         goto done;
     p->size = size;
     memcpy(stage, given_stage, sizeof(int32_t) * n);
@@ -398,8 +401,10 @@ plan *plan_new(const graph *g, int64_t entries, const int32_t *one, const int32_
     for (int32_t f = 0; f < fronts; f++) p->parent[f] = p->parent[f] >= 0 ? node_of[p->parent[f]] : -1;
     for (int32_t k = 0; k < size; k++) p->position[p->order[k]] = k;
     failed = place_entries(p, entries, one, other) || find_rows(p);
+    for (int64_t k = 0; !failed && k < p->row_start[fronts]; k++) p->rows[k] = p->order[p->rows[k]];
+    for (int64_t e = 0; !failed && e < entries; e++) p->entry_row[e] = p->order[p->entry_row[e]];
 done:
-    free(dense); free(mate); free(node_of); free(number); free(member_start); free(member); free(front_of); free(into);
+    free(made.start); free(made.index); free(made.entry); free(dense); free(mate); free(node_of); free(number); free(member_start); free(member); free(front_of); free(into);
     free(stack); free(stage); free(found.element); free(found.parent); free(found.sequence); free(t.parent); free(t.own);
     free(t.first_child); free(t.next_child); free(t.rows);
     if (failed) { plan_free(p); return NULL; }

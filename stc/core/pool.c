@@ -21,9 +21,7 @@ enum {
                      * longer than what is shared next may do */
     LOOKS = 100,    /* between two looks at the clock meanwhile */
     PATIENCE = 1000, /* looks before a thread that waits for the other one gives its processor away */
-    TIMED = 4,      /* the first so many runs go both ways in turn */
-    SHORTEST = 8,   /* fewest and most runs from one try of the other way to the next.  Each try that changes nothing */
-    LONGEST = 128,  /* doubles their number; a run that others hold up speaks against its way: short waits forgive it */
+    TRIED = 32,     /* one run in so many goes the other way, to see whether that is the faster one now */
 };
 
 typedef struct {
@@ -91,21 +89,6 @@ static void share(job *j) {
     pthread_mutex_unlock(&h->lock);
 }
 
-/* What a run of so many nanoseconds, as usual or the other way, tells of the next ones. */
-static void learn(timing *t, int64_t took, int helped, int tried) {
-    int64_t *time = helped ? &t->helped : &t->alone, before = *time;
-    int paid = t->helped <= t->alone, early = t->runs <= TIMED;
-    if (before == 0) *time = took;
-    else if (early) *time = took < before ? took : before;
-    else *time = before + ((took - before) >> (tried ? 1 : 2));
-    if (early) return;
-    int changed = paid != (t->helped <= t->alone);
-    if (!changed && !tried) { t->left--; return; }
-    if (t->wait >= LONGEST) t->wait = changed ? SHORTEST : LONGEST;
-    else if (!changed) t->wait *= 2;
-    t->left = t->wait;
-}
-
 int64_t job_run(job *j) {
     timing *t = j->known;
     if (!get(&j->helper->allowed)) {
@@ -113,19 +96,16 @@ int64_t job_run(job *j) {
         work(j);
         return 0;
     }
-    int pays = t->helped <= t->alone;
-    if (!j->warm) { /* its memory is cold: it would tell nothing */
-        j->warm = 1;
-        if (pays) share(j);
-        else { reset(j); work(j); }
-        return 0;
-    }
-    int tried = t->left <= 0, helped = t->runs < TIMED ? (int)(t->runs & 1) : pays ^ tried;
-    t->runs++;
-    int64_t begin = now();
+    int tried = j->warm && t->runs % TRIED == 0, helped = (t->helped <= t->alone) ^ tried;
+    int64_t begin = now(), *time = helped ? &t->helped : &t->alone;
     if (helped) share(j);
     else { reset(j); work(j); }
-    learn(t, now() - begin, helped, tried);
+    if (j->warm) { /* a first run, whose memory is cold, would tell nothing */
+        const int64_t took = now() - begin;
+        *time = *time == 0 || tried ? took : *time + ((took - *time) >> 2);
+        t->runs++;
+    }
+    j->warm = 1;
     return 0;
 }
 

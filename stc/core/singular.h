@@ -6,10 +6,7 @@
  *     K z = L D e_k,      z^T K z = d_k
  *
  * so a small pivot with a long z belongs to a tiny eigenvalue: d_k / |z|^2 estimates it, and |K z| / |z|, formed with K
- * itself and not with what elimination left of it, bounds it.  A matrix may be singular to working precision, and its
- * small pivots right in their leading digits all the same: what elimination leaves is exact for entries that are off by
- * some rounding units of |L| |D| |L|^T (N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002, section
- * 11.1), which moves d_k by as many units of |z|^T |L| |D| |L|^T |z|. */
+ * itself and not with what elimination left of it, bounds it. */
 #ifndef STC_SINGULAR_H
 #define STC_SINGULAR_H
 
@@ -27,45 +24,9 @@
 #define NULL_ESTIMATE 1e-13
 #define NULL_BOUND 1e-10
 #define INVERSE_STEPS 2
-#define UNIT 0x1p-53
 
-/* Solve L^T z = e of unknowns p and q of front `at` (counted in it; q < 0 for none): the noise |z|^T |L| |D| |L|^T |z|,
- * summed over the pivots before p. */
-static double find_null_vector(kkt *s, int32_t at, int32_t p, int32_t q, double *z) {
-    double noise = 0.0;
-    const int32_t *own = s->index + s->fronts[at].index_at;
-    memset(z, 0, sizeof(double) * (size_t)s->size);
-    z[own[p]] = 1.0;
-    if (q >= 0) z[own[q]] = 1.0;
-    for (int32_t f = at; f >= 0; f--) {
-        const factored *g = &s->fronts[f];
-        const int32_t *index = s->index + g->index_at;
-        const double *l = s->factors.at + g->factor_at;
-        for (int32_t k = (f == at ? p : g->eliminated) - 1; k >= 0; k--) {
-            double sum = 0.0, terms = 0.0;
-            const double *column = l + (int64_t)k * g->stride, *inverse = s->inverse + 3 * (int64_t)(g->first + k);
-            for (int32_t i = k + 1; i < g->size; i++) {
-                double value = column[i] * z[index[i]];
-                sum -= value;
-                terms += fabs(value);
-            }
-            z[index[k]] = sum;
-            if (s->kind[g->first + k] == ONE) {
-                terms += fabs(sum);
-                noise += terms * terms / fabs(inverse[0]);
-            } else if (s->kind[g->first + k] == FIRST) {
-                /* |D| of the pair, its larger entries counted for both. */
-                double a = inverse[0], b = inverse[1], c = inverse[2], other = fabs(z[index[k + 1]]);
-                terms += fabs(sum);
-                noise += (terms * (fabs(c) * terms + 2.0 * fabs(b) * other) + fabs(a) * other * other) / fabs(a * c - b * b);
-            }
-        }
-    }
-    return noise;
-}
-
-/* The same, without the noise: in vectors. */
-static void find_vector(kkt *s, int32_t at, int32_t p, double *z) {
+/* Solve L^T z = e_p, p counted in front `at`. */
+static void find_vector(kkt_state *s, int32_t at, int32_t p, double *z) {
     double *y = s->work;
     memset(z, 0, sizeof(double) * (size_t)s->size);
     z[s->index[s->fronts[at].index_at + p]] = 1.0;
@@ -81,14 +42,14 @@ static void find_vector(kkt *s, int32_t at, int32_t p, double *z) {
     }
 }
 
-static int is_null(kkt *s, int32_t at, int32_t p, double d, double *z, double *image) {
+static int is_null(kkt_state *s, int32_t at, int32_t p, double d, double *z, double *image) {
     double square = 0.0;
     find_vector(s, at, p, z);
     for (int32_t i = 0; i < s->size; i++) square += z[i] * z[i];
     if (fabs(d) > NULL_ESTIMATE * square) return 0;
     memset(s->vector[2], 0, sizeof(double) * (size_t)s->size);
     for (int step = 0; step <= INVERSE_STEPS; step++) {
-        if (residual(s, s->vector[2], z, image) / sqrt(square) <= NULL_BOUND) return 1;
+        if (residual(s, s->left, s->filled, s->vector[2], z, image) / sqrt(square) <= NULL_BOUND) return 1;
         substitute(s, z, NULL); /* with factors that are off, z is, too: inverse iteration mends that */
         double largest = largest_of(z, s->size);
         square = 0.0;
@@ -106,9 +67,9 @@ typedef struct {
 } suspect;
 
 /* The smallest pivots, in order; how many. */
-static int find_suspects(kkt *s, suspect *found) {
+static int find_suspects(kkt_state *s, suspect *found) {
     int count = 0;
-    int64_t *inertia = s->arrays.inertia;
+    int64_t *inertia = s->k->inertia;
     for (int32_t at = 0; at < s->plan->fronts; at++) {
         const factored *f = &s->fronts[at];
         for (int32_t k = 0; k < f->eliminated; k++) {
@@ -136,9 +97,9 @@ static int find_suspects(kkt *s, suspect *found) {
 }
 
 /* Count pivots as zero, and replace them, where the matrix is singular to working precision. */
-static void confirm_zeros(kkt *s) {
+static void confirm_zeros(kkt_state *s) {
     double *z = s->vector[0], *image = s->vector[1];
-    int64_t *inertia = s->arrays.inertia;
+    int64_t *inertia = s->k->inertia;
     suspect suspects[SUSPECTS];
     int count = find_suspects(s, suspects), futile = 0;
     for (int which = 0; which < count && futile < FUTILE; which++) {
@@ -149,17 +110,12 @@ static void confirm_zeros(kkt *s) {
         double *inverse = s->inverse + 3 * (int64_t)(f->first + k), a = inverse[0], b = inverse[1], c = inverse[2];
         int32_t q = s->kind[f->first + k] == FIRST ? k + 1 : -1;
         double d = suspects[which].size;
-        int null = is_null(s, at, k, d, z, image) && (q < 0 || is_null(s, at, q, d, z, image));
-        if (null) {
-            double noise = find_null_vector(s, at, k, q, z) + (q < 0 ? d : 4.0 * d);
-            null = d <= s->options.certain * UNIT * noise;
-        }
-        if (!null) {
+        if (!is_null(s, at, k, d, z, image) || (q >= 0 && !is_null(s, at, q, d, z, image))) {
             s->regular[index[k]] = d;
             futile++;
             continue;
         }
-        inverse[0] = (s->plan->order[index[k]] < s->n ? 1.0 : -1.0) / REPLACEMENT;
+        inverse[0] = (index[k] < s->variables ? 1.0 : -1.0) / REPLACEMENT;
         if (q < 0) {
             inertia[a > 0.0 ? 0 : 1]--;
             inertia[2]++;
@@ -172,7 +128,7 @@ static void confirm_zeros(kkt *s) {
             }
             inertia[2] += 2;
             inverse[1] = 0.0;
-            inverse[2] = (s->plan->order[index[q]] < s->n ? 1.0 : -1.0) / REPLACEMENT;
+            inverse[2] = (index[q] < s->variables ? 1.0 : -1.0) / REPLACEMENT;
         }
     }
 }

@@ -2,8 +2,11 @@
 #ifndef STC_SUBSTITUTE_H
 #define STC_SUBSTITUTE_H
 
+#include "batch_solve.h"
 #include "system.h"
-#include "vectors.h"
+
+/* Residuals are relative to the right-hand side plus the solution, or so many times the right-hand side. */
+#define LARGEST_GAIN 1e6
 
 /* y -= L x below the eliminated ones, and before that x = L^-1 x among them; y holds both. */
 static void forward_front(const double *restrict l, int32_t stride, int32_t taken, int32_t size, double *restrict y) {
@@ -93,97 +96,140 @@ static void divide_front(const double *inverse, const uint8_t *kind, int32_t tak
     }
 }
 
-/* x = (L D L^T)^-1 x, by position; the same for `other` where there is one. */
-static void substitute(kkt *s, double *restrict x, double *restrict other) {
-    double *y = s->work, *z = s->work + s->work_room / 2;
+/* x = (L D L^T)^-1 x of the rest; the same for `other` where there is one. */
+static void substitute(kkt_state *s, double *restrict x, double *restrict other) {
+    double *y = s->work;
     for (int32_t at = 0; at < s->plan->fronts; at++) {
         const factored *f = &s->fronts[at];
         const int32_t *index = s->index + f->index_at;
-        const double *l = s->factors.at + f->factor_at;
-        for (int32_t k = 0; k < f->size; k++) y[k] = x[index[k]];
-        forward_front(l, f->stride, f->eliminated, f->size, y);
-        for (int32_t k = 0; k < f->size; k++) x[index[k]] = y[k];
-        if (!other) continue;
-        for (int32_t k = 0; k < f->size; k++) z[k] = other[index[k]];
-        forward_front(l, f->stride, f->eliminated, f->size, z);
-        for (int32_t k = 0; k < f->size; k++) other[index[k]] = z[k];
+        for (double *v = x; v; v = v == x ? other : NULL) {
+            for (int32_t k = 0; k < f->size; k++) y[k] = v[index[k]];
+            forward_front(s->factors.at + f->factor_at, f->stride, f->eliminated, f->size, y);
+            for (int32_t k = 0; k < f->size; k++) v[index[k]] = y[k];
+        }
     }
     for (int32_t at = s->plan->fronts - 1; at >= 0; at--) {
         const factored *f = &s->fronts[at];
         const int32_t *index = s->index + f->index_at;
-        const double *l = s->factors.at + f->factor_at;
-        for (int32_t k = 0; k < f->size; k++) y[k] = x[index[k]];
-        divide_front(s->inverse + 3 * (int64_t)f->first, s->kind + f->first, f->eliminated, y);
-        backward_front(l, f->stride, f->eliminated, f->size, y);
-        for (int32_t k = 0; k < f->eliminated; k++) x[index[k]] = y[k];
-        if (!other) continue;
-        for (int32_t k = 0; k < f->size; k++) z[k] = other[index[k]];
-        divide_front(s->inverse + 3 * (int64_t)f->first, s->kind + f->first, f->eliminated, z);
-        backward_front(l, f->stride, f->eliminated, f->size, z);
-        for (int32_t k = 0; k < f->eliminated; k++) other[index[k]] = z[k];
-    }
-}
-
-/* left = b - K x, scaled, by position; its largest magnitude, not a number where it is not finite. */
-static double residual(const kkt *s, const double *restrict b, const double *restrict x, double *restrict left) {
-    const plan *p = s->plan;
-    double most = 0.0, check = 0.0;
-    for (int32_t k = 0; k < s->size; k++) left[k] = b[k] - s->diagonal[k] * x[k];
-    for (int32_t k = 0; k < s->size; k++) {
-        double own = x[k], sum = left[k];
-        for (int64_t e = p->entry_start[k]; e < p->entry_start[k + 1]; e++) {
-            int32_t r = p->entry_row[e];
-            double value = s->value[e];
-            sum -= value * x[r];
-            left[r] -= value * own;
+        for (double *v = x; v; v = v == x ? other : NULL) {
+            for (int32_t k = 0; k < f->size; k++) y[k] = v[index[k]];
+            divide_front(s->inverse + 3 * (int64_t)f->first, s->kind + f->first, f->eliminated, y);
+            backward_front(s->factors.at + f->factor_at, f->stride, f->eliminated, f->size, y);
+            for (int32_t k = 0; k < f->eliminated; k++) v[index[k]] = y[k];
         }
-        left[k] = sum;
-        check += sum * 0.0;
-        most = fabs(sum) > most ? fabs(sum) : most;
     }
-    return most + check;
 }
 
-static void begin(const kkt *s, unknowns *u, const double *rhs) {
-    for (int32_t k = 0; k < s->size; k++) {
-        u->b[k] = u->change[k] = rhs[s->plan->order[k]] * s->scale[k];
-        u->x[k] = 0.0;
+/* left = b - K x of the rest: `matrix` is its diagonal and its entries, `entries` of them.  The largest magnitude, not a
+ * number where one is not finite. */
+static double residual(const kkt_state *s, const double *matrix, int64_t entries, const double *restrict b,
+                       const double *restrict x, double *restrict left) {
+    const kkt *k = s->k;
+    const int32_t *restrict order = s->order, *restrict start = s->start, *restrict row = s->row;
+    const double *restrict value = matrix + s->size;
+    int32_t size = s->size;
+    for (int32_t i = 0; i < size; i++) left[i] = b[i] - matrix[i] * x[i];
+    for (int32_t j = 0; j < size; j++) {
+        int32_t i = order[j];
+        double own = x[i], sum = left[i];
+        for (int32_t e = start[j]; e < start[j + 1]; e++) {
+            int32_t r = row[e];
+            sum -= value[e] * x[r];
+            left[r] -= value[e] * own;
+        }
+        left[i] = sum;
     }
-    u->length = largest_of(u->b, s->size);
-    u->active = !(u->length == 0.0);
-    u->report = u->active;
+    for (int64_t e = s->entries; e < entries; e++) {
+        left[k->column[e]] -= value[e] * x[k->row[e]];
+        left[k->row[e]] -= value[e] * x[k->column[e]];
+    }
+    return norm_of(left, size);
 }
 
-/* Add a change, and leave in its place what is left to solve for; the change is taken back where it made that worse. */
-static void improve(const kkt *s, unknowns *u, int64_t steps) {
-    for (int32_t k = 0; k < s->size; k++) u->x[k] += u->change[k];
+/* A number for each place, of different magnitudes: rows that are the same would agree with the same numbers. */
+static double probe_of(int64_t place) {
+    double share = (double)(((uint64_t)place * 0x9e3779b97f4a7c15u) >> 11) * 0x1p-53;
+    return share < 0.5 ? share - 1.0 : share;
+}
+
+/* Judge a change from the largest magnitudes of the solution and of what is left: it is taken back where it has made things
+ * worse, and `active` says whether there is to be another one. */
+static void judge_change(kkt_state *s, unknowns *u, double highest, double remaining, int refinements) {
+    double gain = LARGEST_GAIN * u->length, now = remaining / (u->length + (highest < gain ? highest : gain)), before = u->report;
+    if (!s->steps) u->growth = highest / u->length;
     u->active = 0;
-    if (s->options.refinements == 0) return;
-    double remaining = residual(s, u->b, u->x, u->left), highest = largest_of(u->x, s->size);
-    if (worsened(u, highest, remaining, s->arrays.accuracy[0], steps, s->options.refinements))
-        for (int32_t k = 0; k < s->size; k++) u->x[k] -= u->change[k];
-    if (u->active) memcpy(u->change, u->left, sizeof(double) * (size_t)s->size);
+    if (!(now < before) && s->steps > 0) {
+        for (int64_t i = 0; i < s->length; i++) u->x[i] -= u->change[i];
+        return;
+    }
+    u->report = now;
+    u->active = now < before && !(now > 0.5 * before || now <= *s->k->accuracy || s->steps >= refinements);
 }
 
-void solve_system(kkt *s, int both) {
-    double *left = s->most; /* only used while a scale is sought */
-    unknowns one = {s->vector[0], s->vector[1], s->vector[2], left, 0.0, 0.0, 0};
-    unknowns two = {s->vector[3], s->vector[4], s->vector[5], left, 0.0, 0.0, 0};
-    int64_t steps = 0;
-    begin(s, &one, s->arrays.rhs);
-    if (both) begin(s, &two, s->arrays.second_rhs);
-    while (one.active || two.active) {
-        if (one.active) substitute(s, one.change, two.active ? two.change : NULL);
-        else substitute(s, two.change, NULL);
-        if (one.active) improve(s, &one, steps);
-        if (two.active) improve(s, &two, steps);
-        steps++;
+void solve_system(kkt_state *s, int count, int probing, int refinements) {
+    const kkt *k = s->k;
+    const double *rhs[2] = {k->rhs, k->second_rhs};
+    double *result[2] = {k->solution, k->second_solution}, report = 0.0;
+    int64_t parts = k->groups ? k->parts : 0;
+    s->steps = 0;
+    s->probing = probing;
+    s->count = count;
+    for (int which = 0; which < count; which++) {
+        unknowns *u = s->solving[which] = s->unknowns + which;
+        double *const *vector = s->vector + 4 * which;
+        *u = (unknowns){vector[0], vector[1], vector[2], vector[3], rhs[which], 0.0, 0.0, 0.0, 1};
+        for (int64_t i = 0; probing && i < s->length; i++) u->b[i] = probe_of(i);
+        for (int64_t i = 0, at = s->outer; i < s->size; i++, at++) {
+            if (!probing) u->b[at] = u->rhs[k->unknown[i]] * s->scale[at];
+            u->x[at] = u->b[at];
+        }
+        u->length = norm_of(u->b + s->outer, s->size);
+        for (int64_t part = 0; part < parts; part++) s->parts[part].length[which] = 0.0;
     }
-    for (int32_t k = 0; k < s->size; k++) s->arrays.solution[s->plan->order[k]] = one.x[k] * s->scale[k];
-    if (both)
-        for (int32_t k = 0; k < s->size; k++) s->arrays.second_solution[s->plan->order[k]] = two.x[k] * s->scale[k];
-    s->arrays.report[0] = one.report > two.report || one.report != one.report ? one.report : two.report;
-    s->arrays.report[1] = (double)(steps > 0 ? steps - 1 : 0);
+    for (; s->count; s->steps++) {
+        double *x[2] = {NULL, NULL};
+        if (parts) invoke(k->calls, KKT_FORWARD);
+        for (int which = 0; which < s->count; which++) {
+            unknowns *u = s->solving[which];
+            x[which] = target_of(s, u) + s->outer;
+            for (int64_t part = 0; part < parts; part++) {
+                raise_to(&u->length, s->parts[part].length[which]);
+                for (int64_t i = 0; i < s->size; i++) x[which][i] += s->parts[part].sum[which][i];
+            }
+            if (!s->steps) u->report = (double)(u->active = !(u->length == 0.0));
+        }
+        substitute(s, x[0], x[1]);
+        if (parts) invoke(k->calls, KKT_BACKWARD);
+        int kept = 0;
+        for (int which = 0; which < s->count; which++) {
+            unknowns *u = s->solving[which];
+            double *own = u->x + s->outer, *left = u->left + s->outer;
+            for (int64_t i = 0; s->steps && i < s->size; i++) own[i] += x[which][i];
+            double remaining = residual(s, s->matrix, s->entries, u->b + s->outer, own, left), highest = norm_of(own, s->size);
+            for (int64_t part = 0; part < parts; part++) {
+                const batch_work *w = s->parts + part;
+                raise_to(&highest, w->highest[which]);
+                for (int64_t i = 0; i < s->size; i++) left[i] += w->sum[which][i];
+            }
+            if (parts) remaining = norm_of(left, s->size);
+            for (int64_t part = 0; part < parts; part++) raise_to(&remaining, s->parts[part].remaining[which]);
+            if (u->active) judge_change(s, u, highest, remaining, refinements);
+            double *swapped = u->change;
+            u->change = u->left;
+            u->left = swapped;
+            if (u->active) s->solving[kept++] = u;
+        }
+        s->count = kept;
+    }
+    s->count = count;
+    if (probing) return;
+    if (parts) invoke(k->calls, KKT_RETURN);
+    for (int which = 0; which < count; which++) {
+        for (int64_t i = 0; i < s->size; i++)
+            result[which][k->unknown[i]] = s->unknowns[which].x[s->outer + i] * s->scale[s->outer + i];
+        raise_to(&report, s->unknowns[which].report);
+    }
+    *k->report = report;
 }
 
 #endif

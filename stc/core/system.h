@@ -1,24 +1,10 @@
-/* What a system consists of; for the files of this folder. */
+/* What the state of a system consists of; for the files of this folder. */
 #ifndef STC_SYSTEM_H
 #define STC_SYSTEM_H
 
 #include "kkt.h"
 #include "order.h"
-
-/* A scale is good when the largest entries of all rows are within this factor of 1; and sweeps to find one. */
-#define GOOD 2.0
-#define SWEEPS 12
-#define SMALLEST_SCALE 1e-100
-#define LARGEST_SCALE 1e100
-/* Residuals are relative to the right-hand side plus the solution, or so many times the right-hand side. */
-#define LARGEST_GAIN 1e6
-/* A plan is made anew, from the values at hand, where delayed pivots have cost so many times the planned operations in
- * all, and twice as much each time: some matrices suit no plan. */
-#define WASTED 4.0
-/* The first two plans are made anew, knowing which unknowns have been delayed, where the first matrix has cost so many
- * times the planned operations beyond those; the third takes all for weak. */
-#define SOON 0.1
-#define LEARNING 2
+#include "vec8.h"
 
 /* A stretch of memory, aligned to lines of caches, that grows. */
 typedef struct {
@@ -40,75 +26,138 @@ typedef struct {
     int32_t excess; /* pivots of the front and of all below it that are not positive, beyond the rows among them */
 } contribution;
 
-struct kkt {
-    int32_t n, m, size;
-    int64_t entries; /* off the diagonal */
-    kkt_arrays arrays;
-    kkt_options options;
-    kkt_facts facts;
-    int64_t hess_count, jac_count;
-    int32_t *one, *other;   /* unknowns of each entry off the diagonal: of H, then of J */
-    int32_t *source;        /* where its value is: in H, or behind it in J */
-    int32_t *diagonal_source; /* of each unknown, or -1 */
-    int32_t *stage;
+/* Groups of the same length. */
+typedef struct {
+    int32_t own, variables, ends, entries;
+    const int32_t *column, *row, *stage;
+    int32_t *start; /* of each own unknown's entries */
     plan *plan;
-    /* In the order of elimination: */
-    int32_t *ordered_source, *ordered_diagonal;
-    double *diagonal, *value; /* scaled */
+    int32_t *depth; /* of each front, the roots' being 0 */
+    int32_t *inner; /* how many of the rows of each front are no ends */
+    uint8_t *weak;  /* unknowns that have been delayed, being no pivots in their fronts */
+} batch_shape;
+
+/* Pivots that were taken together: D^-1 begins at `factor_at`, a vector for each pivot of one and three for those of
+ * two, then L: the rows of the pivots, each up to its pivot, and the columns of the other rows. */
+typedef struct {
+    int64_t factor_at, row_at;  /* unknowns: of the pivots, then of the rows */
+    int32_t count, rows;
+    uint32_t pairs;
+} batch_panel;
+
+typedef struct {
+    batch_shape *shape;
+    int32_t segments, part;
+    int64_t at;             /* in vectors, of its first unknown */
+    const int32_t *unknown, *source, *end, *result;
+    double *matrix;         /* (own, 8) and (entries, 8), scaled */
+    int64_t first, panels;  /* of its part */
+} batch_group;
+
+/* What a front has left: it stays where the front was. */
+typedef struct {
+    int64_t at;
+    int32_t stride, inner, from, summed, front, index_at;
+} batch_left;
+
+/* What is worked with at the groups of one thread. */
+typedef struct {
+    int32_t first, end;     /* groups */
+    arena factors, fronts[2], panel, corner;
+    batch_panel *panels;
+    int32_t *rows;
+    int32_t *index, *place, *fresh, *row;
+    int64_t *offset;
+    batch_left *waiting;
+    int64_t panel_count, panel_room, row_count, row_room, factor_count, index_room;
+    int32_t place_room;
+    double *result;         /* for the rest's diagonal and entries */
+    double *sum[2];         /* of the rest, for either right-hand side */
+    double *most;           /* of the rest's rows */
+    int64_t refused, no_memory, negative, operations, delayed;
+    double wasted, work;    /* operations, about: those that delayed pivots add, and those planned */
+    double check, spread, largest, smallest, length[2], highest[2], remaining[2];
+} batch_work;
+
+/* One right-hand side on its way to a solution, scaled: x, and its next change; what is left to solve for. */
+typedef struct {
+    double *b, *x, *change, *left;
+    const double *rhs;
+    double length, report, growth;
+    int64_t active;
+} unknowns;
+
+/* Vectors have the numbers of groups, eight for each unknown of a segment and then for each of its ends, those unknowns of the
+ * rest that it couples with; behind all groups, from `outer` on, the rest. */
+typedef struct {
+    kkt *k;
+    int32_t size, variables;
+    int64_t entries, filled; /* as in kkt.h */
+    const int32_t *order, *start, *row, *source; /* columns one after the other, and their entries: as given, then as planned */
+    int32_t *natural;
+    int64_t outer, length;
+    double *diagonal;        /* of all unknowns, not scaled */
     double *scale, *most;
-    double *regular;  /* size of the last pivot of each unknown that was suspected to be zero, and was not, ... */
-    double judged_by; /* ... by this value of options.certain */
+    double *vector[8];
+    double *raw, *matrix;    /* diagonal and entries of the rest; and scaled, */
+    double *left;            /* and with what segments have left */
+    int32_t fresh;           /* the scale is to be sought */
+    int32_t young;           /* the plan is new and one of the first */
+    double wasted;           /* operations beyond those planned, as a multiple of these, since the plan was made */
+    unknowns unknowns[2], *solving[2];
+    int32_t count, steps, probing;
+    /* The rest. */
+    plan *plan;
+    uint8_t *weak;           /* unknowns that have been delayed, being no pivots in their fronts */
+    double *regular;         /* size of the last pivot of each unknown that was suspected to be zero, and was not */
     factored *fronts;
     arena factors, stack, panel, front;
     int32_t *index, *local;
     int64_t index_room;
     int32_t local_room;
     contribution *waiting;
-    double *inverse;  /* D^-1: three numbers for each pivot */
-    uint8_t *kind;    /* of each pivot: ONE, FIRST or SECOND of two */
-    double *vector[6];
-    double *work;     /* for the rows of the largest front, twice */
+    double *inverse;         /* D^-1: three numbers for each pivot */
+    uint8_t *kind;           /* of each pivot: ONE, FIRST or SECOND of two */
+    double *work;            /* for the rows of the largest front, twice */
     int64_t work_room;
-    int32_t factorized;
-    int32_t fresh;    /* the plan is new and one of the first */
-    uint8_t *weak;    /* unknowns that have been delayed, being no pivots in their fronts */
-    double wasted, allowed; /* operations beyond those planned, and how many are worth another plan */
-};
+    int64_t wasted_here;     /* operations beyond those planned, of the last factorisation */
+    int64_t factorized;
+    /* Segments. */
+    batch_shape *shapes;
+    batch_group *groups;
+    batch_work *parts;
+    arena memory;
+    int64_t vectors;         /* of all their matrices */
+    int64_t pause, wait;     /* matrices to be left out */
+    int64_t watched;         /* whether groups that the scale does not serve are not to be eliminated */
+    double trusted;          /* factors are not tried below so much growth */
+    int64_t distance;        /* how many numbers ahead factors are asked for, 0 where they are near */
+} kkt_state;
 
-enum { KKT_GIVEN_UP = -1 };
+#define KKT_STATE(k) ((kkt_state *)(intptr_t)(k)->state)
+
+/* Besides what kkt.h declares: segments have unknowns without a pivot; the inertia cannot be (n, m, 0). */
+enum { KKT_REFUSED = -1, KKT_GIVEN_UP = -2 };
 enum { ONE = 1, FIRST = 2, SECOND = 3 };
 
-/* What works on numbers (numeric.c): with a plan, values are loaded, then factorised, then solved with. */
-/* With `needed`, only an inertia (n, m, 0) is of use: KKT_GIVEN_UP as soon as there is none. */
-int64_t factorize_all(kkt *s, int needed);
-void load_values(kkt *s, int *finite);
-void solve_system(kkt *s, int both);
+/* What works on numbers (numeric.c). */
+/* Collect the matrix's numbers, and find a scale for them; -1 where one is not finite. */
+int collect(kkt_state *s);
+int equilibrate(kkt_state *s);
+/* Load the rest again, its entries being in another order, with the scale at hand. */
+void load_rest(kkt_state *s);
+/* Load the matrix, scaled anew where the last scale does not serve, and eliminate the segments. */
+int64_t load_and_eliminate(kkt_state *s);
+/* Factorise the rest.  With `needed`, only an inertia (n, m, 0) is of use: KKT_GIVEN_UP as soon as there is none. */
+int64_t factorize_rest(kkt_state *s, int needed);
+/* Solve for one right-hand side or two; `probing`: for one that tells singular matrices, without a result. */
+void solve_system(kkt_state *s, int count, int probing, int refinements);
+/* The least magnitude that each entry has in any segment, scaled. */
+void magnitudes_of_shape(const kkt_state *s, const batch_shape *shape, double *magnitude);
 
-/* A row's factor of the scale, after a sweep that has found this largest entry in it. */
-static inline double rescaled(double scale, double most) {
-    double value = scale / sqrt(most > 0.0 ? most : 1.0);
-    value = value < SMALLEST_SCALE ? SMALLEST_SCALE : value;
-    return value > LARGEST_SCALE ? LARGEST_SCALE : value;
-}
+static inline void *array_of(int64_t count, size_t size) { return calloc((size_t)count + 8, size); }
 
-/* One right-hand side on its way to a solution, scaled: x, and its next change; what is left to solve for. */
-typedef struct {
-    double *b, *x, *change, *left;
-    double length, report;
-    int64_t active;
-} unknowns;
-
-/* Whether the last change has made things worse, and is to be taken back; from the largest magnitudes of the solution and of
- * what is left.  `active` from now on: whether there is to be another change. */
-static inline int worsened(unknowns *u, double highest, double remaining, double accuracy, int64_t steps, int64_t most) {
-    double gain = LARGEST_GAIN * u->length, now = remaining / (u->length + (highest < gain ? highest : gain));
-    double before = u->report;
-    u->active = 0;
-    if (!(now < before) && steps > 0) return 1;
-    u->report = now;
-    u->active = now < before && !(now > 0.5 * before || now <= accuracy || steps >= most);
-    return 0;
-}
+static inline void raise_to(double *to, double value) { *to = value > *to || value != value ? value : *to; }
 
 /* At least so much room; what is in it stays where `kept` numbers are asked for.  0, or -1. */
 int arena_reserve(arena *a, int64_t room, int64_t kept);

@@ -7,8 +7,19 @@
  * stc/codegen/interpreter.py writes the instructions.
  */
 #include "calls.h"
-#include "elementary.h"
-#include "tapes.h"
+
+/* The instructions of tapes, by number: those that move values, those of tapes (stc/codegen/tape.py), and sine and cosine
+ * together. */
+#define INSTRUCTIONS(each) \
+    each(uniform) each(literal) each(fetch) each(kept) each(store) \
+    each(add) each(sub) each(mul) each(div) each(pow) each(neg) each(sqrt) \
+    each(sin) each(cos) each(tan) each(asin) each(acos) each(atan) each(atan2) \
+    each(sinh) each(cosh) each(tanh) each(exp) each(log) \
+    each(clip) each(reaches) each(read) \
+    each(sincos)
+
+#define NUMBERED(name) name##_,
+enum { INSTRUCTIONS(NUMBERED) };
 
 enum {
     BLOCK = 4,            /* instances that lie beside each other in memory */
@@ -40,18 +51,19 @@ static inline void fetch(const double *workspace, const int32_t *index, double *
     *(four *)(to + 3 * apart) = SHUFFLED(ab, de, 2, 3, 6, 7);
 }
 
-/* Vectors may reach beyond the last block, where rows have numbers that mean nothing; places in memory may not. */
-#define EACH for (int64_t k = 0; k < count; k += LANES)
-#define A (*(const lanes *)(a + k))
-#define B (*(const lanes *)(b + k))
-#define D (*(lanes *)(d + k))
-#define FOLLOW(name, value) case name##_: EACH D = value; break;
+#define FOLLOW(name, value) \
+    case name##_: for (int64_t k = 0; k < count; k += BLOCK) *(four *)(d + k) = value; break;
+#define A (*(const four *)(a + k))
+#define B (*(const four *)(b + k))
+/* Functions are those of C, called for one number after the other. */
+#define CALLED for (int64_t k = 0; k < count; k++)
+#define FOLLOW_CALL(name, value) case name##_: CALLED d[k] = value; break;
 
 /* What machine code leaves to functions. */
 #define FUNCTIONS(each) \
-    each(asin, angle_of(A, leg_of(A))) each(acos, angle_of(leg_of(A), A)) each(atan, angle_of(A, all_of(1.0))) \
-    each(atan2, angle_of(A, B)) each(sinh, sinh_of(A)) each(cosh, cosh_of(A)) each(tanh, tanh_of(A)) \
-    each(exp, exp_of(A, NULL)) each(log, log_of(A)) each(pow, pow_of(A, B))
+    each(asin, asin(a[k])) each(acos, acos(a[k])) each(atan, atan(a[k])) each(atan2, atan2(a[k], b[k])) \
+    each(sinh, sinh(a[k])) each(cosh, cosh(a[k])) each(tanh, tanh(a[k])) \
+    each(exp, exp(a[k])) each(log, log(a[k])) each(pow, pow(a[k], b[k]))
 
 static void spread(double *row, double x) {
     for (int k = 0; k < ROW; k++) row[k] = x;
@@ -63,14 +75,19 @@ static void spread(double *row, double x) {
     static void name##_applied(const double *a, double *d, int64_t count) { \
         const double *b = a + count; \
         (void)b; \
-        EACH D = value; \
+        CALLED d[k] = value; \
     }
 FUNCTIONS(APPLIED)
 
-/* From the end, since a vector may reach beyond: what it leaves there is overwritten. */
-static void sincos_applied(const double *a, double *d, int64_t count) {
-    for (int64_t k = (count - 1) / LANES * LANES; k >= 0; k -= LANES) sine_cosine(A, &D, (lanes *)(d + count + k));
+static void sincos_of(const double *a, double *sine, double *cosine, int64_t count) {
+    CALLED {
+        const double angle = a[k];
+        sine[k] = sin(angle);
+        cosine[k] = cos(angle);
+    }
 }
+
+static void sincos_applied(const double *a, double *d, int64_t count) { sincos_of(a, d, d + count, count); }
 
 /* All runs of inputs of some vectors, each of one block or of two beside each other; the last block stands in for one
  * that is missing. */
@@ -91,6 +108,10 @@ static const void *const functions[] = {FUNCTIONS(LISTED) LISTED(sincos, ) LISTE
 
 const void *const *tape_functions(void) { return functions; }
 
+#define SPELLED(name) #name " "
+
+const char *tape_instructions(void) { return INSTRUCTIONS(SPELLED); }
+
 /* --- Instructions. */
 
 /* Some instructions for some blocks, the first of which is `block`. */
@@ -101,7 +122,6 @@ static void follow(const tape_call *t, const instruction *i, const instruction *
         double *d = rows + ROW * (int64_t)i->d;
         const double *a = rows + ROW * (int64_t)i->a, *b = rows + ROW * (int64_t)i->b;
         double *c = rows + ROW * (int64_t)i->c;
-        lanes other;
         switch (i->op) {
         case uniform_: spread(d, t->uniform[i->a]); break;
         case literal_: spread(d, t->literals[i->a]); break;
@@ -125,12 +145,13 @@ static void follow(const tape_call *t, const instruction *i, const instruction *
         FOLLOW(mul, A * B)
         FOLLOW(div, A / B)
         FOLLOW(neg, -A)
-        FOLLOW(sqrt, root_of(A))
-        case sin_: EACH sine_cosine(A, &D, &other); break;
-        case cos_: EACH sine_cosine(A, &other, &D); break;
-        case sincos_: EACH sine_cosine(A, &D, (lanes *)(c + k)); break;
-        case tan_: EACH { lanes s; sine_cosine(A, &s, &other); D = s / other; } break;
-        FUNCTIONS(FOLLOW)
+        FOLLOW_CALL(sqrt, sqrt(a[k]))
+        FOLLOW_CALL(sin, sin(a[k]))
+        FOLLOW_CALL(cos, cos(a[k]))
+        case sincos_: sincos_of(a, d, c, count); break;
+        /* As machine code does, which has both of them already. */
+        FOLLOW_CALL(tan, sin(a[k]) / cos(a[k]))
+        FUNCTIONS(FOLLOW_CALL)
         /* Looking up a table: stc/symbolic/tables.py. */
         case clip_:
             for (int64_t k = 0; k < count; k++) {
@@ -161,6 +182,16 @@ int64_t tape_run(tape_call *t) {
     for (int64_t block = 0; block < t->blocks; block += CHUNK) {
         const int64_t left = t->blocks - block, blocks = left < CHUNK ? left : CHUNK;
         follow(t, body, end, block, blocks);
+    }
+    return 0;
+}
+
+/* --- A list of calls. */
+
+int64_t chain_run(const chain *c) {
+    for (int64_t k = 0; k < c->count; k++) {
+        const chained *each = c->part + k;
+        if (each->entry(each->arguments) & each->checked) return k + 1;
     }
     return 0;
 }

@@ -78,7 +78,7 @@ class Server(LanguageServer):
         return await asyncio.get_running_loop().run_in_executor(self._thread, function, *arguments)
 
     def changed(self, uri: str, pause: float) -> None:
-        """Have a text read that is new or has changed."""
+        """Read a text that was opened or edited, after a pause in which it is not edited again, in s."""
         document = self.documents.setdefault(uri, Document())
         if document.reader is not None:
             document.reader.cancel()

@@ -386,7 +386,7 @@ def _travel(mechanism: Mechanism) -> dict[int, tuple[int, float]]:
 
 
 def _factor(term: Term) -> str:
-    """An integrand as a factor."""
+    """A term's integrand as a factor of a product: in parentheses if it is a sum."""
     sums = " + " in term.integrand or " - " in term.integrand
     return f"({term.integrand})" if sums else term.integrand
 

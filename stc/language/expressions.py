@@ -562,7 +562,7 @@ class ExpressionBuilder:
 
 
 def _tidy(value: Fraction | int) -> Fraction | int:
-    """Whole fractions as int."""
+    """A fraction as int if it is a whole number, otherwise unchanged."""
     return value.numerator if value.denominator == 1 else value
 
 

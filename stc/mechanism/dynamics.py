@@ -256,7 +256,7 @@ class Dynamics:
         return {}
 
     def mass(self, body: int = 0) -> Expr:
-        """The mass."""
+        """The mass of a body and all bodies on it, in kg; of the whole model for the world."""
         return quantities.total_mass(self._loads(body))
 
     def centre_of_mass(self, body: int = 0) -> Vector:

@@ -67,12 +67,12 @@ def loads(tree: Tree, body: int) -> dict[int, Inertia]:
 
 
 def total_mass(parts: Loads) -> Expr:
-    """The mass."""
+    """The sum of the masses of some bodies, in kg."""
     return total(parts.values()).mass
 
 
 def _in_world(kinematics: Kinematics, parts: Loads) -> Sums:
-    """Sums in the world."""
+    """Mass, first moment and momenta of some bodies, in the axes of the world."""
     whole = Sums()
     for root, sums in _by_roots(kinematics, parts).items():
         turn, at = kinematics.locals[root]
@@ -82,7 +82,7 @@ def _in_world(kinematics: Kinematics, parts: Loads) -> Sums:
 
 
 def _by_roots(kinematics: Kinematics, parts: Loads) -> dict[int, Sums]:
-    """Sums in the frames of the segments attached to the world."""
+    """The same, in the frames of the segments that are attached to the world."""
     segments = kinematics.tree.segments
     found: dict[int, Sums] = {}
     for index in reversed(range(len(segments))):

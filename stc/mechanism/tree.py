@@ -217,7 +217,7 @@ def _without_noise(entries: Sequence[Expr]) -> list[Expr]:
 
 
 def total(parts: Iterable[Inertia]) -> Inertia:
-    """Inertias in one frame, together."""
+    """The inertia of several bodies as one rigid body; all are in the same frame."""
     mass, first, second = ZERO, ORIGIN, NOTHING.second
     for part in parts:
         mass, first = add(mass, part.mass), plus(first, part.first)

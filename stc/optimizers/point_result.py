@@ -5,7 +5,7 @@ from __future__ import annotations
 from stc.optimizers.dual_estimate import assess_point
 from stc.records import dataclass
 from stc.solver.curvature import SecondOrder, second_order_at
-from stc.solver.first_order_gain import possible_gain
+from stc.solver.judgement import possible_gain
 from stc.solver.kkt import structured_kkt
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
@@ -87,7 +87,6 @@ def point_result(
         objective=found.objective,
         violation=found.violation,
         optimality=found.optimality,
-        scaled_optimality=found.optimality,
         iterations=monitor.iterations,
         factorizations=factorizations,
         message=message or f"{sentence(status)} {advice(status)}".strip(),

@@ -110,7 +110,7 @@ class _Failed(ArithmeticError):
 
 
 class _Solve:
-    """One solve."""
+    """One minimisation, from its start to its result."""
 
     def __init__(
         self, nlp: NLP, options: Options, callback: Callback | None, start: Start | None, printed: bool

@@ -19,7 +19,6 @@ from functools import partial
 
 import numpy as np
 
-from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS, CHANGES, REFINEMENTS
 from stc.solver.constants import ACCURATE, CONTRACTION, HALF
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
@@ -27,7 +26,7 @@ from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats, Mask
 from stc.solver.outcome import ACCEPTABLE
 from stc.solver.products import NOTHING, ROUNDED, at_bounds, between
-from stc.solver.projection import Projection, ProjectionPair
+from stc.solver.projection import AGAINST_DEPENDENT_ROWS, CHANGES, REFINEMENTS, Projection, ProjectionPair
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = [

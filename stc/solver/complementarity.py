@@ -5,7 +5,9 @@ are not nothing at the solution, the weight was too small, and the next pass beg
 G. Lopez-Calva and J. Nocedal, 2006, algorithm 1 with the subproblems solved).  A solution is one of the program as
 stated, with the weight as the products' multiplier: such points are strongly stationary (R. Fletcher and S. Leyffer,
 Solving mathematical programs with complementarity constraints as nonlinear programs, Optim. Methods Softw. 19, 2004).
-Where multipliers grow without limit, no weight is large enough; there the smaller side of each pair is held at nothing.
+Where a pass is not solved, the products are rows instead, which allow less and less (S. Scholtes, Convergence
+properties of a regularization scheme, SIAM J. Optim. 11, 2001).  Where multipliers grow without limit, no weight is
+large enough; there the smaller side of each pair is held at nothing.
 """
 
 from __future__ import annotations
@@ -50,13 +52,19 @@ def by_penalty(
     weight = _first_weight(nlp, pairs, start)
     convex = is_convex(Penalised(nlp, pairs, 1.0))
     best: Result | None = None
-    for factor in (1.0, FIRST_WEIGHT):
-        for result in _round(solves, factor * weight, start):
+    rounds = [
+        (_weighted(solves, weight, start), convex),
+        (_weighted(solves, FIRST_WEIGHT * weight, start), convex),
+    ]
+    if options.retries:
+        rounds.insert(1, (_relaxed(solves, start), False))
+    for results, proves in rounds:
+        for result in results:
             best = result if best is None or solves.is_better(result, best) else best
-            if solves.ends(result) or (result.status is Status.INFEASIBLE and convex):
+            if solves.ends(result) or (result.status is Status.INFEASIBLE and proves):
                 return solves.of_all(result)  # infeasible whatever the products
         assert best is not None
-        if solves.missing(best) <= NEAR:
+        if max(solves.missing(best), best.violation) <= NEAR:
             held = solves.held(best)
             if solves.ends(held):
                 return solves.of_all(held)
@@ -67,17 +75,27 @@ def by_penalty(
     return solves.of_all(best)
 
 
-def _round(solves: _PenaltySolves, weight: float, start: Start) -> Iterator[Result]:
+def _weighted(solves: _PenaltySolves, weight: float, start: Start) -> Iterator[Result]:
     """The results of solves with growing weights, each from the result of the one before."""
     last = weight / ACCEPTABLE
     while weight <= last:
         result = solves.penalised(weight, start)
         yield result
-        if not result.success and solves.missing(result) <= ACCEPTABLE:
+        if not result.success:
             return  # it is not for want of weight
+        start = Start(result.x)
+        weight *= GROWTH
+
+
+def _relaxed(solves: _PenaltySolves, start: Start) -> Iterator[Result]:
+    """The results of solves whose products may be as large as a constant that goes down, each from the one before."""
+    room = 1.0
+    while room >= ACCEPTABLE:
+        result = solves.penalised(0.0, start, room)
+        yield result
         if result.success or result.status is Status.ITERATION_LIMIT:
             start = Start(result.x)
-        weight *= GROWTH
+        room /= GROWTH
 
 
 @dataclass(slots=True)
@@ -93,10 +111,10 @@ class _PenaltySolves:
     factorizations: int = 0
     history: list[IterationRecord] = field(default_factory=list)
 
-    def penalised(self, weight: float, start: Start) -> Result:
-        """One pass."""
-        program = Penalised(self.nlp, self.pairs, weight)
-        passed = self._solved(program, start.mapped(program.start))
+    def penalised(self, weight: float, start: Start, room: float | None = None) -> Result:
+        """One pass, with a weight or with rows that allow so much."""
+        program = Penalised(self.nlp, self.pairs, weight, room)
+        passed = self._solved(program, program.start(start))
         return self._as_of(passed, program.all_multipliers(passed.row_multipliers))
 
     def held(self, result: Result) -> Result:

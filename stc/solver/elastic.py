@@ -3,14 +3,8 @@
     minimise    price * sum(p + q) + 1/2 * |proximity * (x - reference)|^2
     subject to  r(x) - p + q - s = 0,    p, q >= 0,    bounds on (x, s) as before
 
-Its constraints always have independent gradients.  p and q are eliminated before the factorisation, where they
-add ``1 / P_p + 1 / P_q`` to the dual diagonal of their row, P being their entries of the primal diagonal:
-
-    [ H + P_x   0    J^T ] [dx]                      [ H + P_x   J^T                   ] [dx]
-    [   0      P_pq  E^T ] [d(p, q)]       ==>       [   J      -(D + E P_pq^-1 E^T)   ] [dy]
-    [   J       E   -D   ] [dy]
-
-so the sparsity, and the linear algebra, are those of the problem itself.
+Its constraints always have independent gradients.  p and q are unknowns of the linear system like others: each has one
+entry besides its diagonal, and is eliminated first, with its row's stage.
 """
 
 from __future__ import annotations
@@ -20,14 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.core.calls import CallTable, chain
+from stc.core.calls import chain
 from stc.core.functions import function
 from stc.core.structures import structure
-from stc.solver.constants import ATTEMPT, CALLS
 from stc.solver.evaluator import Evaluator
-from stc.solver.formulation import Formulation, linear_system_of
+from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
-from stc.solver.kkt.contract import Inertia, KKTSystem
+from stc.solver.kkt.reuse import new_system
 from stc.solver.nlp import Floats
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.workspace import workspace_of
@@ -35,96 +28,7 @@ from stc.solver.workspace import workspace_of
 if TYPE_CHECKING:
     from stc.core.calls import Bound
 
-__all__ = ["ElasticKKT", "ElasticProblem"]
-
-
-class ElasticKKT(KKTSystem):
-    """A KKT system in (x, p, q) on top of one in x: see ``KKTSystem``."""
-
-    def __init__(self, base: KKTSystem, n: int, m: int, jac_entries: int) -> None:
-        """``n``, ``m``, ``jac_entries``: sizes of ``base``."""
-        self._base, self._m = base, m
-        unknowns = n + 3 * m
-        self.hess, self.jac = base.hess, np.zeros(jac_entries + 2 * m)
-        self.primal, self.dual = np.zeros(n + 2 * m), np.zeros(m)
-        self.rhs, self.solution = np.zeros(unknowns), np.zeros(unknowns)
-        self.second_rhs, self.second_solution = np.zeros(unknowns), np.zeros(unknowns)
-        self.report, self.accuracy = base.report, base.accuracy
-        self.inertia = np.zeros(3, dtype=np.int64)
-        self._factorized = False
-        self._calls = CallTable(CALLS)
-        self._system = system = structure("elastic_system")(
-            n=n, m=m, jac_entries=jac_entries, calls=self._calls.cells, own=linear_system_of(base),
-            kkt=linear_system_of(self), inverse=np.zeros(2 * m), inertia=self.inertia,
-        )  # fmt: skip
-        self._eliminate, self._attempt = (
-            function(f"elastic_{name}").bind(system) for name in ("eliminate", "attempt")
-        )
-        self._begin, self._begin_second = (function("elastic_hand_on").bind(system, k) for k in range(2))
-        self._end, self._end_second = (function("elastic_complete").bind(system, k) for k in range(2))
-        self._solve_of: Bound | None = None  # those of the base that the own ones are made of
-        self._solve_both_of: Bound | None = None
-
-    @property
-    def factorizations(self) -> int:
-        """See ``KKTSystem.factorizations``."""
-        return self._base.factorizations
-
-    @property
-    def nnz_factor(self) -> int:
-        """See ``KKTSystem.nnz_factor``."""
-        return self._base.nnz_factor
-
-    def trust_small_pivots(self, trusted: bool) -> None:
-        """See ``KKTSystem.trust_small_pivots``."""
-        self._base.trust_small_pivots(trusted)
-
-    def refactor(self) -> Inertia:
-        """See ``KKTSystem.refactor``; the diagonal of p and q must be positive."""
-        self._factorized = False
-        self._eliminate()
-        return self._with_pairs(self._base.refactor())
-
-    @property
-    def attempt_call(self) -> Bound | None:
-        """See ``KKTSystem.attempt_call``."""
-        own = self._base.attempt_call if self._factorized else None
-        self._calls.put(ATTEMPT, own)
-        return None if own is None else self._attempt
-
-    def resume(self, ended: int) -> Inertia:
-        """See ``KKTSystem.resume``."""
-        return self._with_pairs(self._base.resume(ended))
-
-    def _with_pairs(self, inertia: Inertia) -> Inertia:
-        """Note that a matrix has been factorised: the inertia with p and q."""
-        self._factorized = True
-        return Inertia(inertia.positive + 2 * self._m, inertia.negative, inertia.zero)
-
-    @property
-    def solve_call(self) -> Bound:
-        """See ``KKTSystem.solve_call``."""
-        call = self._base.solve_call  # others may have factorised by another plan meanwhile
-        if call is not self._solve_of:
-            self._solve_of, self._solve = call, chain([self._begin, call, self._end])
-        return super().solve_call
-
-    @property
-    def solve_both_call(self) -> Bound:
-        """See ``KKTSystem.solve_both_call``."""
-        call = self._base.solve_both_call
-        if call is not self._solve_both_of:
-            parts = self._begin, self._begin_second, call, self._end, self._end_second
-            self._solve_both_of, self._solve_both = call, chain(parts)
-        return super().solve_both_call
-
-    def check_solution(self) -> bool:
-        """See ``KKTSystem.check_solution``."""
-        repeated = self._base.check_solution()
-        self.last_residual = self._base.last_residual
-        if repeated:
-            self._end()
-        return repeated
+__all__ = ["ElasticProblem"]
 
 
 class ElasticProblem(Formulation):
@@ -166,7 +70,12 @@ class ElasticProblem(Formulation):
         self._reference = np.zeros(n)
         self.extra_diagonal = np.zeros(n + 2 * m)
         self._curvature = self.extra_diagonal[:n]
-        self.kkt = ElasticKKT(base.attached_kkt, n, m, base.jac_rows.size)
+        stages, row_stages = base.nlp.var_stage, base.nlp.row_stage
+        # Not one that another problem has left: its order of elimination would change the last digits.
+        self.kkt = self._factorisation = new_system(
+            self.n, m, self.jac_rows, self.jac_cols, self.hess_rows, self.hess_cols,
+            np.concatenate([stages, row_stages, row_stages]), row_stages, self.held,
+        )  # fmt: skip
         self._own_evaluator = base.evaluator()  # of the problem itself
         self.linear = base.linear
 
@@ -178,7 +87,8 @@ class ElasticProblem(Formulation):
         return base
 
     def stay_near(self, reference: Floats, proximity: float) -> None:
-        """Stay near a point of the problem, (n,), from now on."""
+        """Begin anew, and stay near a point of the problem, (n,), from now on."""
+        self._factorisation.restart()
         self._reference[:] = reference
         self._curvature[:] = proximity * np.minimum(1.0, 1.0 / np.maximum(np.abs(reference), 1e-8)) ** 2
 
@@ -232,7 +142,7 @@ class ElasticProblem(Formulation):
                 function("point_copy").bind(base.n, it.w, plain.x),
                 plain.values_call,
                 base.violation_call(plain.x, plain.r, violation),
-                function("elastic_state").bind(base.objective_unit, plain.f, stated),
+                function("gather_place").bind(1, plain.f, np.array([1.0 / base.objective_unit]), stated),
             ]
         )
 

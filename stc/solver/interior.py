@@ -341,9 +341,6 @@ class _Loop:
             return self._give_up()
         if it.theta <= ACCURATE * self.options.tolerance:
             return self._give_up()
-        if not self.tactics.patient and self.restorations >= self.tactics.brief_restorations:
-            self.early = True
-            return self._give_up()
         from stc.solver.restoration import Acceptance, barrier_value, meet_rows
 
         theta = it.theta

@@ -12,7 +12,7 @@ from stc.solver.nlp import Floats
 __all__ = ["ACCEPTABLE", "BUDGET", "PROGRESS", "SHORT_BUDGET", "End", "Outcome", "Tactics"]
 
 LONG_BUDGET, BUDGET, SHORT_BUDGET = 500, 300, 100
-"""Steps of an attempt, of one where another one is at hand, and of one that has a solution nearby."""
+"""Steps of an attempt, of one of several, and of one that has a solution nearby."""
 BRIEF = 3
 LARGEST_THETA = 30.0
 PROGRESS = 0.9
@@ -43,14 +43,12 @@ class Tactics:
         brief_restorations: those that end where the filter accepts. Where steps fail again after so many, the next ones
             go on to the least violation: on a way between nowhere and nearly there, that tells whether there is a
             feasible point.
-        patient: whether to go on so; else the attempt ends there.
     """
 
     adaptive: bool = True
     largest_theta: float = LARGEST_THETA
     budget: int = LONG_BUDGET
     brief_restorations: int = BRIEF
-    patient: bool = True
 
 
 @dataclass(slots=True)
@@ -63,7 +61,7 @@ class Outcome:
         x, y: the point, (n,) and (m,), in the formulation's scale.
         error: KKT error there.
         iterate: the last iterate of the barrier, where there was one.
-        early: whether it could have gone on: its steps were used up, or its patience.
+        early: whether it could have gone on: its steps were used up.
         minimum: whether the second-order condition is known to hold there.
     """
 

@@ -28,23 +28,27 @@ __all__ = ["Penalised"]
 class Penalised:
     """``nlp`` with its complementary products in the objective: :class:`stc.solver.nlp.NLP`.
 
+    With ``room`` the products remain rows, each of which may be as large as that (Scholtes 2001).
+
     Attributes:
         whole: the program with rows for the products.
         weight: of the penalty.
         kept: which of its rows are left, (m,).
     """
 
-    def __init__(self, nlp: NLP, pairs: Pairs, weight: float) -> None:
+    def __init__(self, nlp: NLP, pairs: Pairs, weight: float, room: float | None = None) -> None:
         self.whole, self.weight = nlp, weight
         self.keeper = Keeper()
         left = np.ones(nlp.m, bool)
-        left[pairs.product] = False
+        left[pairs.product] = room is not None
         self._product = np.flatnonzero(~left)
         self.kept = np.flatnonzero(left)
         self.n, self.m = nlp.n, self.kept.size
         self.x0 = np.asarray(nlp.x0, float)
         self.x_lower, self.x_upper = nlp.x_lower, nlp.x_upper
         self.row_lower, self.row_upper = nlp.row_lower[self.kept], nlp.row_upper[self.kept]
+        if room is not None:
+            self.row_upper[pairs.product] += room
         of_kept = left[nlp.jac_rows]
         self._jac, self._product_jac = np.flatnonzero(of_kept), np.flatnonzero(~of_kept)
         self.jac_rows = (np.cumsum(left) - 1)[nlp.jac_rows[self._jac]].astype(np.int32)
@@ -115,24 +119,16 @@ class Penalised:
         own.x, own.weight, own.hess = inner.x, inner.weight, inner.hess
         own.values_status, own.derivatives_status = inner.values_status, inner.derivatives_status
         count = self._product.size
-        take_values = _take_values.bind(
+        take_values = function("elastic_take_values").bind(
             self.m, self.kept, count, self._product, inner.f, inner.r, own.f, own.r
         )
-        give_multipliers = _give_multipliers.bind(
+        give_multipliers = function("elastic_give_multipliers").bind(
             self.m, self.kept, count, self._product, own.y, own.weight, inner.y
         )
-        take_derivatives = _take_derivatives.bind(
+        take_derivatives = function("elastic_take_derivatives").bind(
             self.n, self._jac.size, self._jac, self._product_jac.size, self._product_jac, self._product_cols,
             inner.gradient, inner.jac, own.gradient, own.jac,
         )  # fmt: skip
         own.values_call = chain([inner.values_call, take_values])
         own.derivatives_call = chain([give_multipliers, inner.derivatives_call, take_derivatives])
         return own
-
-
-#: Rows that are left, and the objective with the others.
-_take_values = function("elastic_take_values")
-#: Those of rows that are left as they are, those of products the factor of the objective.
-_give_multipliers = function("elastic_give_multipliers")
-#: The Jacobian of rows that are left, and the gradient with the others.
-_take_derivatives = function("elastic_take_derivatives")

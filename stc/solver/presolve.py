@@ -115,15 +115,8 @@ class Reduced:
 
     def start(self, start: Start) -> Start:
         """A start of the whole program, as it concerns this one."""
-        return start.mapped(self._part_of)
-
-    def _part_of(self, start: Start) -> Start:
-        part, x, y, z = (
-            self.known.part,
-            np.asarray(start.x, float),
-            start.row_multipliers,
-            start.bound_multipliers,
-        )
+        part, x = self.known.part, np.asarray(start.x, float)
+        y, z = start.row_multipliers, start.bound_multipliers
         return Start(x[part.cols], y if y is None else y[part.rows], z if z is None else z[part.cols])
 
     def callback(self, callback: Callback | None) -> Callback | None:

@@ -1,4 +1,4 @@
-"""Products with long vectors and sparse matrices in coordinate form, compiled, on one thread.
+"""Products with long vectors and sparse matrices in coordinate form, on one thread.
 
 BLAS is not asked for dot products: it wakes its threads for vectors of ten thousand entries, which takes longer than
 the product and keeps the other core from those who need it.
@@ -59,10 +59,7 @@ def norm(a: Floats) -> float:
 
 def times(rows: Indices, cols: Indices, values: Floats, v: Floats, size: int) -> Floats:
     """Matrix times vector, (size,); the entries are ``values`` (k,) at ``rows``, ``cols`` (k,)."""
-    out = np.zeros(size)
-    if rows.size:
-        _times(rows.size, rows, cols, np.ascontiguousarray(values), np.ascontiguousarray(v), out)
-    return out
+    return np.asarray(np.bincount(rows, weights=values * v[cols], minlength=size), dtype=float)
 
 
 def term_sums(rows: Ints, cols: Ints, values: Floats, v: Floats, size: int) -> Floats:
@@ -72,13 +69,9 @@ def term_sums(rows: Ints, cols: Ints, values: Floats, v: Floats, size: int) -> F
 
 def symmetric_times(rows: Indices, cols: Indices, values: Floats, v: Floats, size: int) -> Floats:
     """Symmetric matrix times vector, (size,); the lower triangle is given, as for :func:`times`."""
-    out = np.zeros(size)
-    if rows.size:
-        _symmetric_times(rows.size, rows, cols, np.ascontiguousarray(values), np.ascontiguousarray(v), out)
-    return out
+    across = np.where(rows == cols, 0.0, values)
+    return times(rows, cols, values, v, size) + times(cols, rows, across, v, size)
 
 
-_times = function("point_times")
-_symmetric_times = function("point_symmetric_times")
 #: What dual errors are divided by where multipliers are large, given the sum of their magnitudes.
 multiplier_scale = function("point_multiplier_scale")

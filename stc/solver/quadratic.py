@@ -9,11 +9,14 @@ K. Ito and K. Kunisch, SIAM J. Optim. 13, 2002).  Where a whole arc of a path ov
 top touches the bound in the solution; an arc that is held there pulls to and fro, and takes many sets to come loose.
 So only those become active that are met early on the way from the last step to this one, as the ratio test of methods
 that add one bound at a time has it (J. Nocedal and S. J. Wright, Numerical Optimization, 2006, section 16.5).  That
-need not end where constraints are nearly dependent, or the guess is far off; then it is given up.
+need not end; as soon as no fewer constraints are wrong than before, the rest is done one by one, from the set with the
+fewest (:mod:`stc.solver.active_set_path`; blocks first, then single ones: J. J. Judice and F. M. Pires, A block
+principal pivoting algorithm for large-scale strictly monotone linear complementarity problems, 1994).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -23,17 +26,68 @@ from numpy.typing import NDArray
 from stc.core.functions import function
 from stc.core.structures import structure
 from stc.records import dataclass
-from stc.solver.active_set_system import CHANGES, REFINEMENTS, factorize_restricted
+from stc.solver.active_set_path import ActiveSetPath
 from stc.solver.constants import ACCURATE, HALF
-from stc.solver.nlp import Floats
+from stc.solver.nlp import Floats, Mask
 from stc.solver.outcome import ACCEPTABLE
-from stc.solver.primal_dual import PrimalDual
-from stc.solver.products import term_sums
+from stc.solver.products import multiplier_scale, term_sums
+from stc.solver.projection import CHANGES, REFINEMENTS, factorize_restricted
 from stc.solver.scaled_problem import RELAXATION, ScaledProblem
 
-__all__ = ["ActiveSet", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
+__all__ = ["ActiveSet", "PrimalDual", "QuadraticProgram", "QuadraticSolution", "guess_from_multipliers"]
 
 Signs = NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True)
+class PrimalDual:
+    """A point of a scaled problem.
+
+    Attributes:
+        x: variables inside their bounds, (n,).
+        y, z: multipliers of rows (m,) and bounds (n,); positive at an upper bound, negative at a lower one.
+        f, r: objective and rows (m,).
+        gradient, jac, hess: derivatives.
+        lagrangian: ``grad f + J^T y``, (n,).
+        error: largest of stationarity, violation and complementarity; the dual ones over the size of the
+            multipliers.
+    """
+
+    x: Floats
+    y: Floats
+    z: Floats
+    f: float
+    r: Floats
+    gradient: Floats
+    jac: Floats
+    hess: Floats
+    lagrangian: Floats
+    error: float
+
+
+def measure(
+    form: ScaledProblem, x: Floats, y: Floats, z: Floats, balancing: Mask | None = None
+) -> PrimalDual | None:
+    """Evaluate the problem at ``(x, y, z)``; None where a function is undefined.
+
+    Where ``balancing`` (n,) is True, and where a variable is held, z is what makes the Lagrangian stationary.
+    """
+    x = np.clip(x, *form.true_x)
+    f, r = form.values(x)
+    if not np.isfinite(f + r.sum()):
+        return None
+    gradient, jac, hess = form.derivatives(x, y)
+    lagrangian, z = np.empty(form.n), z.copy()
+    balanced = form.held_factor if balancing is None else np.maximum(form.held_factor, balancing)
+    point = structure("primal_dual")(
+        nlp=form.program, x=x, y=y, z=z, r=r, gradient=gradient, jac=jac, lagrangian=lagrangian
+    )
+    function("conditions_balance")(point, balanced)
+    dual, total = point.stationarity, point.multipliers
+    if not math.isfinite(dual + total) or not np.isfinite(hess.sum()):
+        return None
+    error = max(point.violation, dual / multiplier_scale(total, form.m + form.n))
+    return PrimalDual(x, y, z, f, r, gradient, jac, hess, lagrangian, error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +163,8 @@ class QuadraticProgram:
             for x, rows in ((x_lower, row_lower), (x_upper, row_upper))
         ]
         self._equal = np.concatenate([form.held, form.equality])
+        finite = np.isfinite(self._room[0]) | np.isfinite(self._room[1])
+        self._bounded = np.flatnonzero(finite & ~self._equal)
         self.regularity = regularity
         self._kkt = form.attached_kkt
         self._fixed, self._held_rows = form.held_factor, form.equality_factor
@@ -119,7 +175,7 @@ class QuadraticProgram:
         """The solution with the help of a guess of the active set; None where that does not lead to it."""
         form = self.form
         n, m = form.n, form.m
-        active, way = guess, np.zeros(n + m)
+        active, way, best, fewest = guess, np.zeros(n + m), guess, n + m + 1
         for _ in range(CHANGES):
             self._check()
             fixed_d = np.empty(n)
@@ -130,32 +186,67 @@ class QuadraticProgram:
                 return None
             d, y, pull, moved = solved
             before, way = np.clip(way, *self._room), np.concatenate([d, moved])
-            better = self._better(active, before, way, np.concatenate([pull, y]))
-            if better is None:
+            multipliers = np.concatenate([pull, y])
+            signs, beyond, wrong = self._faults(active, way, multipliers)
+            faults = int(np.count_nonzero(beyond)) + int(np.count_nonzero(wrong))
+            if faults == 0:
                 return QuadraticSolution(d, y, self._fixed * pull, active)
-            active = better
+            if faults > fewest:
+                active = best
+                continue
+            if faults < fewest:
+                best, fewest = active, faults
+                share = np.zeros(way.size)  # of the way, which is beyond
+                np.divide(beyond, np.abs(way - before), out=share, where=beyond > 0.0)
+                met = (beyond > 0.0) & (share >= HALF * share.max())
+                signs[wrong] = 0
+                signs[met] = np.where(way > self._room[1], 1, -1)[met]
+            else:
+                at = self._bounded
+                low, high = (room[at] for room in self._room)
+                first = signs[at].astype(float)
+                path = ActiveSetPath(first, way[at], multipliers[at], low, high, self._response)
+                if not path.follow():
+                    return None
+                signs[at], fewest = path.signs, n + m + 1
+            active = ActiveSet(signs[:n], signs[n:])
         return None
 
-    def _better(self, active: ActiveSet, before: Floats, way: Floats, pull: Floats) -> ActiveSet | None:
-        """A set without what pulls the wrong way, and with what is violated early; None where nothing is wrong.
+    def _faults(
+        self, active: ActiveSet, way: Floats, pull: Floats
+    ) -> tuple[Signs, Floats, NDArray[np.bool_]]:
+        """Signs of an active set; how far other constraints are violated; which multipliers pull the wrong way.
 
         Args:
             active: the set at hand.
-            before, way: where variables and rows had got to, and where they get with it, (n + m,).
-            pull: multipliers of bounds and rows, (n + m,).
+            way, pull: where variables and rows get with it, and multipliers of bounds and rows, (n + m,).
         """
-        n, (low, high) = self.form.n, self._room
+        low, high = self._room
         signs = np.concatenate([active.x, active.rows])
         beyond = np.where((signs != 0) | self._equal, 0.0, np.maximum(way - high, low - way))
-        violated, wrong = beyond > self.tolerance, signs * pull < -self.tolerance
-        if not (violated.any() or wrong.any()):
-            return None
-        share = np.zeros(way.size)  # of the way, which is beyond
-        np.divide(beyond, np.abs(way - before), out=share, where=violated)
-        met = violated & (share >= HALF * share.max())
-        signs[wrong] = 0
-        signs[met] = np.where(way > high, 1, -1)[met]
-        return ActiveSet(signs[:n], signs[n:])
+        return signs, np.where(beyond > self.tolerance, beyond, 0.0), signs * pull < -self.tolerance
+
+    def _response(self, which: int) -> tuple[Floats, Floats]:
+        """What a unit of a constraint does to those with bounds: see :mod:`stc.solver.active_set_path`."""
+        kkt, n, m = self._kkt, self.form.n, self.form.m
+        k = int(self._bounded[which])
+        held = bool(self._fixed[k] if k < n else self._held_rows[k - n])
+        free = 1.0 - self._fixed
+        d, y, pull, moved = np.zeros(n), np.zeros(m), np.empty(n), np.empty(m)
+        if (k < n) == held:  # the place of a bound, or the multiplier of a row
+            (d if held else y)[k if held else k - n] = 1.0
+            function("conditions_respond")(self._restricted, d, y, pull, moved)
+            kkt.rhs[:n] = free * (pull + self.point.gradient)
+            kkt.rhs[n:] = -self._held_rows * moved
+        else:
+            kkt.rhs[:] = 0.0
+            kkt.rhs[k] = 1.0 if held else -1.0
+        kkt.solve_call()
+        d += free * kkt.solution[:n]
+        y += self._held_rows * kkt.solution[n:]
+        function("conditions_respond")(self._restricted, d, y, pull, moved)
+        at = self._bounded
+        return np.concatenate([d, moved])[at], np.concatenate([pull + self.point.gradient, y])[at]
 
     def _factorize(self, active: ActiveSet, fixed_d: Floats) -> bool:
         """Factorise with the active set's rows and free variables; whether the curvature on it is positive.
@@ -195,6 +286,7 @@ class QuadraticProgram:
         free = 1.0 - self._fixed
         d, y, pull, moved = fixed_d.copy(), np.zeros(m), np.empty(n), np.empty(m)
         left = np.inf
+        kkt.accuracy[0] = ACCURATE * self.tolerance  # the rest is left to the refinement here
         for _ in range(1 + REFINEMENTS):
             kkt.solve_call()
             kkt.check_solution()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from stc.records import dataclass, field
 from stc.solver.nlp import Floats
@@ -20,25 +19,11 @@ class Start:
         x: variables, (n,).
         row_multipliers: (m,) or None; sign convention of :mod:`stc.solver.nlp`.
         bound_multipliers: (n,) or None.
-        another: asked, with the number of iterations that are left, for another start where this one does not lead to a
-            solution soon, and again where that one does not: one, or None where there are no more, and how many
-            iterations it took to find out. It raises KeyboardInterrupt to stop the solve.
     """
 
     x: Floats
     row_multipliers: Floats | None = None
     bound_multipliers: Floats | None = None
-    another: Callable[[int], tuple[Start | None, int]] | None = field(default=None, repr=False, compare=False)
-
-    def mapped(self, change: Callable[[Start], Start]) -> Start:
-        """The start changed, and so the others that it may offer."""
-        another = self.another
-
-        def other(left: int) -> tuple[Start | None, int]:
-            found, spent = another(left) if another is not None else (None, 0)
-            return None if found is None else found.mapped(change), spent
-
-        return replace(change(self), another=None if another is None else other)
 
 
 @dataclass(slots=True)
@@ -87,7 +72,6 @@ class Result:
         objective: objective at ``x``.
         violation: largest violation at ``x`` of a row or bound, each relative to ``max(1, |bound|)``.
         optimality: KKT error of the problem as stated, relative to the size of its terms.
-        scaled_optimality: KKT error of the scaled problem (the quantity that the iteration drives to zero).
         iterations: steps of all phases together.
         factorizations: every factorisation of a KKT system.
         message: one or two sentences for the user.
@@ -102,7 +86,6 @@ class Result:
     objective: float
     violation: float
     optimality: float
-    scaled_optimality: float
     iterations: int
     factorizations: int
     message: str

@@ -15,7 +15,7 @@ from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.products import between
 from stc.solver.scaled_problem import ORDINARY, SMALLEST, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, warm_iterate
-from stc.solver.strategies import Strategies
+from stc.solver.strategies import Strategies, least_violation
 from stc.solver.workspace import workspace_of
 
 __all__ = ["Rescalings"]
@@ -121,8 +121,6 @@ class Rescalings:
 
         None if a function is undefined there.
         """
-        from stc.solver.feasible_start import least_violation
-
         x = between(reached, self.nlp.x_lower, self.nlp.x_upper)
         f, r = self.nlp.values(x)
         if not np.isfinite(f + r.sum()):

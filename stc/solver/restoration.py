@@ -15,7 +15,6 @@ from stc.records import dataclass
 from stc.solver.constants import ACCURATE, LARGEST_MULTIPLIER
 from stc.solver.convexity import is_convex
 from stc.solver.elastic import ElasticProblem
-from stc.solver.filter import Filter
 from stc.solver.form_cache import once
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
@@ -23,7 +22,7 @@ from stc.solver.nlp import Floats
 from stc.solver.outcome import ACCEPTABLE, PROGRESS, End, Outcome
 from stc.solver.scaled_problem import ScaledProblem
 from stc.solver.starting import least_squares_multipliers
-from stc.solver.workspace import workspace_of
+from stc.solver.workspace import Filter, workspace_of
 
 __all__ = ["Acceptance", "barrier_value", "elastic_of", "meet_rows", "returned"]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,16 +12,15 @@ from stc.solver.constants import CONTRACTION
 from stc.solver.convexity import is_convex
 from stc.solver.curvature import ESCAPES, SecondOrder, second_order_at
 from stc.solver.form_cache import give_back, kept_form, key_of, once
-from stc.solver.interior import optimise
 from stc.solver.judgement import Judgement, Point
 from stc.solver.kkt import KKTSystem, structured_kkt
 from stc.solver.monitor import Monitor, Stopped
 from stc.solver.nlp import NLP, Floats, Mask
 from stc.solver.options import Options
-from stc.solver.outcome import ACCEPTABLE, BUDGET, SHORT_BUDGET, End, Outcome, Tactics
+from stc.solver.outcome import ACCEPTABLE, End, Outcome, Tactics
 from stc.solver.pairs import pairs_of
 from stc.solver.presolve import presolved
-from stc.solver.products import between, inner
+from stc.solver.products import between
 from stc.solver.report import Callback, Result, Start
 from stc.solver.rescaling import Rescalings
 from stc.solver.residuals import assess, rows_missed
@@ -37,7 +35,7 @@ from stc.solver.status import (
     advice,
     sentence,
 )
-from stc.solver.strategies import Strategies
+from stc.solver.strategies import Strategies, least_violation
 from stc.solver.unboundedness import falling_to
 
 __all__ = ["minimize"]
@@ -45,8 +43,6 @@ __all__ = ["minimize"]
 RESCALINGS = 3
 LEFT_OUT: frozenset[str] = frozenset()
 """Names of strategies that are not to be tried, to measure what they are worth."""
-GUESSED, FOLLOWED = Tactics(budget=BUDGET), Tactics(budget=SHORT_BUDGET)
-"""Before another start is asked for, from a guess and from the same motion on fewer frames."""
 
 Strategy = Callable[[ScaledProblem, Floats, Floats], Outcome | None]
 """What a problem, its guess (n,) and the point reached so far (n,) lead to; None where nothing would be different."""
@@ -182,13 +178,7 @@ class _Solve:
         if options.max_iterations <= 0:
             return self._unmoved(form, x0)
         if options.warm_start and self.start.row_multipliers is not None:
-            outcome = self._settle(
-                self._helped(
-                    form,
-                    FOLLOWED,
-                    lambda tactics: strategies.warm(form, x0, self.start, options.trusting, tactics),
-                )
-            )
+            outcome = self._settle(strategies.warm(form, x0, self.start, options.trusting))
         else:
             outcome = self._settle(self._cold(form, x0))
         for name, strategy in self._strategies(form):
@@ -245,41 +235,7 @@ class _Solve:
             outcome = self.rescalings.even_equations(form, x0)
         if outcome is not None:
             return outcome
-        return self._helped(form, GUESSED, lambda tactics: self.strategies.barrier(form, x0, tactics))
-
-    def _helped(self, form: ScaledProblem, first: Tactics, solve: Callable[[Tactics], Outcome]) -> Outcome:
-        """The outcome of a solve; if it fails with the tactics ``first``, that of the caller's other starts."""
-        if self.start.another is None:
-            return solve(Tactics())
-        outcome = solve(replace(first, patient=once(is_convex, self.nlp)))
-        if outcome.end not in (End.STUCK, End.STATIONARY_VIOLATION) or form.linear:
-            return outcome
-        if self._is_proof(outcome):
-            return outcome
-        while True:
-            start, spent = self.start.another(self.monitor.limit - self.monitor.iterations)
-            self.monitor.limit -= spent  # it counts all of them together
-            if start is None:
-                break
-            followed = start.row_multipliers is not None
-            other = self._from(
-                form, start, Tactics(budget=SHORT_BUDGET if followed else BUDGET, patient=False)
-            )
-            if other.end is End.CONVERGED:
-                return other
-        if outcome.early and first is GUESSED:  # it was on its way, not lost
-            it = outcome.iterate
-            assert it is not None
-            mu = inner(it.gap, it.z) / max(1, form.gaps)
-            return optimise(form, it, mu, self.options, self.monitor, tactics=Tactics())
-        return outcome
-
-    def _from(self, form: ScaledProblem, start: Start, tactics: Tactics) -> Outcome:
-        """Solve from a start other than the guess."""
-        x = between(np.asarray(start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
-        if start.row_multipliers is None:
-            return self.strategies.barrier(form, x, tactics)
-        return self.strategies.warm(form, x, start, False, tactics)
+        return self.strategies.barrier(form, x0, Tactics())
 
     def _is_proof(self, outcome: Outcome) -> bool:
         """Whether the violation of the outcome is proved to be the smallest possible one."""
@@ -292,8 +248,6 @@ class _Solve:
         if best is not None and best[0] <= self.options.feasibility_tolerance:
             return outcome
         if self._least is None:
-            from stc.solver.feasible_start import least_violation
-
             assert isinstance(outcome.form, ScaledProblem)
             x0 = between(np.asarray(self.start.x, dtype=float), self.nlp.x_lower, self.nlp.x_upper)
             form = self.rescalings.scaled_anew(outcome.form, x0, outcome.form.objective_factor)
@@ -424,7 +378,6 @@ class _Solve:
         nlp = self.nlp
         y = np.zeros(nlp.m) if y is None else y
         report = self.judgement.assess(at or Point(x, y))
-        last = self.monitor.history[-1].optimality if self.monitor.history else report.optimality
         text = message or f"{sentence(status)} {advice(status)}".strip()
         if status is Status.OPTIMAL and report.violation > self.options.feasibility_tolerance:
             text += f" {MET_BUT_FOR_ROUNDING}"
@@ -436,7 +389,7 @@ class _Solve:
             lowest = None if nearly else falling_to(self.monitor.history)
             text += "" if lowest is None else f" {STILL_FALLING.format(lowest)}"
         return Result(
-            status, x, y, report.bound_multipliers, report.objective, report.violation, report.optimality, last,
+            status, x, y, report.bound_multipliers, report.objective, report.violation, report.optimality,
             self.monitor.iterations, 0 if self.form is None else self.form.kkt.factorizations, text,
             self.monitor.history, self.monitor.strategy,
         )  # fmt: skip

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from stc.solver.active_set import PATIENCE, bends_upwards, newton_on_active_set, newton_point
-from stc.solver.constants import ACCURATE
+from stc.solver.constants import ACCURATE, SMALL_VIOLATION
 from stc.solver.formulation import Formulation
 from stc.solver.interior import optimise
 from stc.solver.iterate import Iterate
@@ -15,13 +13,13 @@ from stc.solver.judgement import Judgement
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import NLP, Floats
 from stc.solver.options import Options
-from stc.solver.outcome import SHORT_BUDGET, End, Outcome, Tactics
+from stc.solver.outcome import BUDGET, SHORT_BUDGET, End, Outcome, Tactics
 from stc.solver.report import Start
-from stc.solver.restoration import meet_rows
+from stc.solver.restoration import elastic_of, meet_rows, returned
 from stc.solver.scaled_problem import NEARBY, ScaledProblem
 from stc.solver.starting import WARM_BARRIER, cold_iterate, warm_iterate
 
-__all__ = ["Strategies"]
+__all__ = ["Strategies", "least_violation"]
 
 
 class Strategies:
@@ -30,9 +28,7 @@ class Strategies:
     def __init__(self, nlp: NLP, options: Options, monitor: Monitor, judgement: Judgement) -> None:
         self.nlp, self.options, self.monitor, self.judgement = nlp, options, monitor, judgement
 
-    def warm(
-        self, form: ScaledProblem, x0: Floats, start: Start, trusting: bool, tactics: Tactics
-    ) -> Outcome:
+    def warm(self, form: ScaledProblem, x0: Floats, start: Start, trusting: bool) -> Outcome:
         """Steps from a neighbour's solution; where they do not converge, a short barrier path to it.
 
         Along a flat valley of the objective that path is a long one. There a parameter that is chosen freely grows
@@ -47,19 +43,19 @@ class Strategies:
             if outcome is not None:
                 return outcome
             if not form.gaps:  # no other active set to be found
-                return self.barrier(form, x0, tactics)
+                return self.barrier(form, x0, Tactics())
         from stc.solver.warm_start import from_neighbour
 
         point, minimum = from_neighbour(form, x, y, z, self.options.tolerance, self.monitor)
         if point is not None:
             return Outcome(End.CONVERGED, form, point.x, point.y, point.error, minimum=minimum)
         it = warm_iterate(form, x, y)
-        free = replace(tactics, budget=min(tactics.budget, SHORT_BUDGET))
+        free = Tactics(budget=SHORT_BUDGET)
         outcome = optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=free)
         left = self.monitor.limit - self.monitor.iterations
-        if outcome.end is End.CONVERGED or not (outcome.early and form.gaps and tactics.patient and left > 0):
+        if outcome.end is End.CONVERGED or not (outcome.early and form.gaps and trusting and left > 0):
             return outcome
-        held = replace(tactics, adaptive=False, budget=self.options.max_iterations)
+        held = Tactics(adaptive=False, budget=self.options.max_iterations)
         it = warm_iterate(form, x, y)
         return optimise(form, it, WARM_BARRIER, self.options, self.monitor, tactics=held)
 
@@ -129,3 +125,31 @@ class Strategies:
         f, r = self.nlp.values(moved)
         tactics = Tactics(budget=self.options.max_iterations)
         return self.barrier(form, moved if np.isfinite(f + r.sum()) else x0, tactics)
+
+
+def least_violation(
+    form: ScaledProblem, x: Floats, options: Options, monitor: Monitor
+) -> tuple[End | None, Outcome]:
+    """Minimise the sum of the violations from ``x`` (n,), without a limit of the distance.
+
+    A restoration keeps near where it begins and close to the bounds that hold there; this begins far inside of them.
+
+    Returns:
+        None where the rows are met, at least nearly, else why to stop there; and the outcome, in terms of ``form``.
+
+    Raises:
+        Stopped: at a limit or on the user's request.
+    """
+    it = cold_iterate(form, x / form.x_scale, by_gaps=False)
+    elastic = elastic_of(form)
+    elastic.stay_near(it.w[: form.n], 0.0)
+    mu = max(options.initial_barrier, float(np.abs(it.c).max(initial=0.0)))
+    start = elastic.start(it.w, np.zeros(form.m), it.z, mu)
+    outcome = optimise(elastic, start, mu, options, monitor, tactics=Tactics(budget=BUDGET))
+    end = returned(form, it, elastic, outcome, options.feasibility_tolerance)
+    own = it.w[: form.n].copy()
+    if (
+        end is None and form.violation(own, it.r) > SMALL_VIOLATION
+    ):  # which a search with the objective does not meet
+        end = End.STUCK
+    return end, Outcome(end or End.CONVERGED, form, own, it.y.copy(), outcome.error, it)

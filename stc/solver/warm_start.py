@@ -12,12 +12,17 @@ from functools import partial
 import numpy as np
 
 from stc.solver.active_set import PATIENCE, STEPS
-from stc.solver.active_set_system import AGAINST_DEPENDENT_ROWS
 from stc.solver.constants import ACCURATE, HALF
 from stc.solver.monitor import Monitor
 from stc.solver.nlp import Floats
-from stc.solver.primal_dual import PrimalDual, measure
-from stc.solver.quadratic import QuadraticProgram, QuadraticSolution, guess_from_multipliers
+from stc.solver.projection import AGAINST_DEPENDENT_ROWS
+from stc.solver.quadratic import (
+    PrimalDual,
+    QuadraticProgram,
+    QuadraticSolution,
+    guess_from_multipliers,
+    measure,
+)
 from stc.solver.scaled_problem import ScaledProblem
 
 __all__ = ["from_neighbour"]

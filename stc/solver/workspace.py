@@ -16,7 +16,6 @@ from stc.core.calls import CallTable
 from stc.core.functions import BoundFunction, function
 from stc.core.structures import structure
 from stc.solver.constants import ATTEMPT, CALLS, DERIVATIVES, RECORD, SOLVE, SOLVE_BOTH, VALUES, WATCH
-from stc.solver.filter import Filter
 from stc.solver.formulation import Formulation
 from stc.solver.iterate import Iterate
 from stc.solver.nlp import Floats
@@ -24,10 +23,35 @@ from stc.solver.nlp import Floats
 if TYPE_CHECKING:
     from stc.solver.evaluator import Evaluator
 
-__all__ = ["Step", "Workspace", "workspace_of"]
+__all__ = ["Filter", "Step", "Workspace", "workspace_of"]
 
 #: Iterations at most that are made in a row.
 LONGEST_RUN = 16
+#: Pairs that a filter has room for; the oldest gives way to one more.
+ROOM = 1000
+
+
+class Filter:
+    """The filter: pairs of violation and barrier function that later points must not be dominated by.
+
+    R. Fletcher and S. Leyffer, Nonlinear programming without a penalty function, Math. Program. 91 (2002). Functions of
+    the core use it as well.
+    """
+
+    def __init__(self, largest_theta: float) -> None:
+        self.structure = structure("filter")(largest=largest_theta, pairs=np.empty(2 * ROOM))
+
+    def restart(self, largest_theta: float) -> None:
+        """Empty it, with another limit."""
+        self.structure.count, self.structure.largest = 0, largest_theta
+
+    def add(self, theta: float, phi: float) -> None:
+        """Forbid points no better than (theta, phi) by a margin."""
+        function("line_search_add")(self.structure, theta, phi)
+
+    def accepts(self, theta: float, phi: float) -> bool:
+        """True when no pair dominates the point."""
+        return function("line_search_accepts")(self.structure, theta, phi) != 0
 
 
 class Step:

@@ -44,7 +44,7 @@ _REMEMBERED = 256
 
 
 class Server:
-    """A session on show."""
+    """Serves one session to any number of browsers."""
 
     def __init__(self, session: Session) -> None:
         self._session = session

@@ -130,7 +130,7 @@ def blame(model: Model, solution: Solution, time_limit: float = 10.0) -> Blame |
 
 
 class _Search:
-    """The analysis of one failed solve."""
+    """Looks for the statements because of which a solve failed."""
 
     def __init__(self, ownership: Ownership, bound: BoundProgram, solution: Solution) -> None:
         self.ownership, self.bound, self.solution = ownership, bound, solution

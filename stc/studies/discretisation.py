@@ -111,7 +111,7 @@ class Estimate:
 
     @property
     def error(self) -> float:
-        """The larger one of the last two."""
+        """The larger one of ``accumulated`` and ``quadrature_error``."""
         return max(self.accumulated, self.quadrature_error)
 
     @property

@@ -85,7 +85,7 @@ class Spread:
 
     @property
     def lengths(self) -> list[int]:
-        """Steps from one end to the next."""
+        """The numbers of frames between the frames that constants name (``ends``)."""
         ends = [0, *(value for _, value in self.ends)]
         return [b - a for a, b in pairwise(ends)]
 

@@ -86,7 +86,7 @@ class GridError:
 
     @property
     def largest(self) -> float:
-        """The larger one of both."""
+        """The larger one of the errors of objective and motion."""
         return max(self.objective, self.motion)
 
     @property

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from stc import deadline
 from stc.arguments import whole
 from stc.errors import EvaluationError, SpecError, UsageError
-from stc.guess_file import GivenValues, NodeValues, read_guess
+from stc.given_values import GivenValues, NodeValues
+from stc.guess_file import read_guess
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution

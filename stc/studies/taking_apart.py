@@ -175,7 +175,7 @@ class TakingApart:
         return self._made(base, at_rest=False)
 
     def _controls(self, v: FloatArray, z: FloatArray) -> None:
-        """A column for each force."""
+        """Add a column for each force of the spec: how both sides of the equations change with it."""
         zero = self._sides(v, z)
         for m, words in enumerate(self.forces):
             pulled = z.copy()

@@ -269,7 +269,7 @@ class _Sparse:
 
 
 def _bordered(j: Any, a: Any, count: int, size: int) -> Any:
-    """The whole matrix, in columns."""
+    """The symmetric matrix of residuals, unknowns and active rows, in SciPy's format of columns."""
     from scipy.sparse import coo_array
 
     ones = np.arange(count)

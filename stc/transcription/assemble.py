@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.codegen.engine import LANES
-from stc.codegen.runs import RUN, Copies, Runs, find_runs
+from stc.codegen.runs import RUN, Runs, find_runs
 from stc.codegen.tape import Tape
 from stc.problem import ConstantRef
 from stc.records import dataclass, field
@@ -154,7 +154,6 @@ class Program:
     Attributes:
         runs: of the inputs of the groups' values kernels, then of their derivatives kernels.
         index_values, index_derivatives: per group (blocks, runs, LANES) int32 where they begin in the workspace.
-        copied_values, copied_derivatives: the copies within the workspace before the kernels run, from and to.
         data_start: per group where its node data begins in the workspace, (nodes, data).
         row_group, row_number, row_instance: (m,) where each row comes from.
         values_start, derivatives_start, constants_start: per group where its outputs begin in a buffer.
@@ -181,8 +180,6 @@ class Program:
     runs: list[Runs]
     index_values: list[NDArray[np.int32]]
     index_derivatives: list[NDArray[np.int32]]
-    copied_values: tuple[NDArray[np.int32], NDArray[np.int32]]
-    copied_derivatives: tuple[NDArray[np.int32], NDArray[np.int32]]
     values_start: list[int]
     derivatives_start: list[int]
     constants_start: list[int]
@@ -232,16 +229,15 @@ def assemble(
         data = at + np.arange(group.size * len(group.data)).reshape(group.size, len(group.data)).T
         at += data.size
         inputs.append(np.concatenate([group.positions, data, n + group.row_ids]))
-    copies = Copies(at)
     of_values = [
-        find_runs(g.programs.values_tape, each[: len(each) - len(g.rows)], copies)
+        find_runs(g.programs.values_tape, each[: len(each) - len(g.rows)])
         for g, each in zip(groups, inputs, strict=True)
     ]
     of_derivatives = []
     for g, each in zip(groups, inputs, strict=True):
         width = len(g.programs.values_tape.outputs)
         kept = (width - g.programs.kept, width) if g.programs.kept else (0, 0)
-        of_derivatives.append(find_runs(g.programs.derivatives_tape, each, copies, kept))
+        of_derivatives.append(find_runs(g.programs.derivatives_tape, each, kept))
     values_start, values_size = _starts(groups, [g.programs.values_tape for g in groups])
     derivatives_start, varying_size = _starts(groups, [g.programs.derivatives_tape for g in groups])
     constants_start, derivatives_size = _starts(
@@ -272,13 +268,11 @@ def assemble(
         row_group=row_group,
         row_number=row_number,
         row_instance=row_instance,
-        workspace_size=copies.end + RUN - 1,
+        workspace_size=at + RUN - 1,
         data_start=data_start,
-        runs=[found.runs for found in (*of_values, *of_derivatives)],
-        index_values=[blocks(found.starts, np.int32) for found in of_values],
-        index_derivatives=[blocks(found.starts, np.int32) for found in of_derivatives],
-        copied_values=copies.tables([run for found in of_values for run in found.copied]),
-        copied_derivatives=copies.tables([run for found in of_derivatives for run in found.copied]),
+        runs=[runs for runs, _ in (*of_values, *of_derivatives)],
+        index_values=[blocks(starts, np.int32) for _, starts in of_values],
+        index_derivatives=[blocks(starts, np.int32) for _, starts in of_derivatives],
         values_start=values_start,
         derivatives_start=derivatives_start,
         constants_start=constants_start,

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen import reference, threads
-from stc.codegen.kernel import KernelSet
+from stc.codegen import threads
+from stc.codegen.kernel import LANES, KernelSet, compile_tapes
 from stc.core.calls import Bound, chain, chain_until
 from stc.solver.evaluator import Evaluator, Indices, Part, Scaling
-from stc.transcription.assemble import Program, blocks, data_of
-from stc.transcription.gather import Copying, add_up, all_same, begin, note, place, total
+from stc.transcription.assemble import Program, blocks
+from stc.transcription.gather import add_up, all_same, begin, note, place, total
 from stc.transcription.wanted import Wanted
 
 FloatArray = NDArray[np.float64]
@@ -75,7 +75,7 @@ def kernel_calls(
             pieces = max(blocks * work / OPERATIONS, blocks * width / OUTPUTS) if cut else 1
             for piece in _pieces(blocks, pieces, 2):
                 given = None if kept is None else kept[piece]
-                call = kernels.bind(number, workspace, uniform, index[piece], out[piece], given)
+                call = kernels[number].bind(workspace, uniform, index[piece], out[piece], given)
                 ends = start + piece.start * width, start + piece.stop * width
                 calls.append(Piece(call, *ends, work * (piece.stop - piece.start)))
     return calls
@@ -103,16 +103,18 @@ def _together(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
 def fill_constants(program: Program, workspace: FloatArray, uniform: FloatArray, buffer: FloatArray) -> None:
     """Evaluate the constant derivatives into their part of ``buffer``, and sum those of one entry.
 
-    That is done once, and takes less time than compiling it would.
+    That is done once, and takes less time by interpreting than compiling it would.
     """
     for group, data_start, start in zip(
         program.groups, program.data_start, program.constants_start, strict=True
     ):
         tape = group.programs.constants_tape
         if tape.outputs and group.size:
-            values = reference.run(tape, uniform, data_of(workspace, group, data_start))
-            outputs = blocks(values, np.float64).reshape(-1)
-            buffer[start : start + outputs.size] = outputs
+            width = len(group.data)
+            places = data_start + np.arange(width)[:, None] + width * np.arange(group.size)
+            index = blocks(places, np.int32)
+            out = _in_blocks(buffer, start, len(index), len(tape.outputs), LANES)
+            compile_tapes([tape], backend="interpreter")[0](workspace, uniform, index, out)
     for matrix in (program.gradient, program.jacobian, program.hessian):
         for call in matrix.constant_folding.bind(buffer):
             call()
@@ -129,7 +131,7 @@ def _pieces(count: int, pieces: float, multiple: int = 8) -> Iterator[slice]:
 
 
 def _effort(program: Program, kernels: KernelSet, values: bool) -> float:
-    """The number of pieces."""
+    """The number of pieces (see ``OPERATIONS``) that an evaluation amounts to."""
     first = 0 if values else len(program.groups)
     operations = sum(group.size * len(kernels.tapes[first + k].ops) for k, group in enumerate(program.groups))
     numbers = program.values_size if values else program.varying_size
@@ -219,7 +221,6 @@ class Evaluation:
         values_buffer, derivatives_buffer: what they write.
         keeps: whether the derivatives kernels take what the values kernels have found; ``noted`` are the variables
             that these were evaluated for, (n,).
-        copies_for_values, copies_for_derivatives: what copies within the workspace before.
         foldings: what adds up outputs of gradient, Jacobian and Hessian.
         values_kernels, derivatives_kernels: the kernels alone: what is at ``workspace`` in, their buffers out.
         counts: how often values and derivatives were evaluated.
@@ -239,8 +240,6 @@ class Evaluation:
         self.noted = np.full(self.n, np.nan)  # for none yet
         self._wanted: list[tuple[Part | None, Wanted]] = []
         self._pieces: dict[tuple[bool, bool], list[Piece]] = {}
-        self.copies_for_values = copied_within(workspace, program.copied_values)
-        self.copies_for_derivatives = copied_within(workspace, program.copied_derivatives)
         matrices = program.gradient, program.jacobian, program.hessian
         self.foldings = [matrix.folding.bind(self.derivatives_buffer) for matrix in matrices]
         self.values_kernels = chain([piece.call for piece in self.pieces(values=True, cut=False)])
@@ -299,13 +298,6 @@ def _shared(nlp: Evaluation, values: bool) -> bool:
     )
 
 
-def copied_within(workspace: FloatArray, positions: tuple[Indices, Indices]) -> list[Bound]:
-    """Copy within the workspace the values that kernels need side by side."""
-    source, target = positions
-    unread = np.zeros(1)  # numbers that no wanted entry depends on need not be finite
-    return Copying.of(source, target).bind(workspace, np.ones(len(source)), workspace, unread)
-
-
 def _values_call(
     nlp: Evaluation, its: Wanted, scaling: Scaling, objective: FloatArray, result: Evaluator
 ) -> Bound:
@@ -314,7 +306,7 @@ def _values_call(
     variables = nlp.workspace[: nlp.n]
     steps.phases = [
         steps.place_variables(result.x, scaling.variable, its, variables),
-        [*nlp.copies_for_values, *(steps.note(variables, nlp.noted) if nlp.keeps else [])],
+        steps.note(variables, nlp.noted) if nlp.keeps else [],
         [piece.call for piece in nlp.pieces(values=True, cut=shared)],
         [
             total(buffer, nlp.program.objective_source, objective, result.f, steps.cell()),
@@ -369,10 +361,10 @@ def _derivatives_call(
         notes = steps.note(variables, nlp.noted)
         calls = [piece.call for piece in nlp.pieces(values=True, cut=shared)]
         if shared:
-            yield [*notes, *nlp.copies_for_values]
+            yield notes
             yield [unless(all_same(steps.same), [call]) for call in calls]
         else:
-            yield [unless(notes[0], [*nlp.copies_for_values, *calls])]
+            yield [unless(notes[0], calls)]
 
     steps.phases = [
         [
@@ -381,7 +373,6 @@ def _derivatives_call(
             place(result.weight, objective, nlp.factor),
         ],
         *values(),
-        nlp.copies_for_derivatives,
         [
             *constants(),
             *(

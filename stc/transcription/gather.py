@@ -200,5 +200,5 @@ def total(
 
 
 def add_up(part: FloatArray, into: FloatArray) -> Bound:
-    """A call that adds ``part`` (1,) to ``into`` (1,) and forgets it."""
+    """A call that adds ``part`` (1,) to ``into`` (1,) and sets ``part`` to 0."""
     return _add_up.bind(part, into)

@@ -40,7 +40,7 @@ class Panel:
         self.note = ""
 
     def build_gui(self, imgui: Any, frame: Frame | None) -> None:
-        """Submit all widgets."""
+        """Draw the panel of Studio's window for one of its frames."""
         window = imgui.GetIO().DisplaySize
         if (window.x, window.y) != self._size:
             # A browser tells its size once it is there, and a telephone is turned: the panel moves along.

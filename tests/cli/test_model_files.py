@@ -130,6 +130,19 @@ def test_a_starter_of_a_robot_of_others_stands_and_passes_validation(
     assert certificate.passed, certificate.headline
 
 
+@pytest.mark.nightly
+def test_a_starter_of_an_arm_holds_it_beside_an_object_drawn_in_the_floor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The cylinder that gymnasium's arm pushes slides along the table: it does not fall, and takes no part."""
+    gymnasium = pytest.importorskip("gymnasium")
+    path = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / "pusher.xml"
+    monkeypatch.chdir(tmp_path)
+    assert run(["new", "mine", "--model", str(path)]) == 0
+    assert "holds a pose" in Path("mine.stc").read_text(encoding="utf-8").splitlines()[0]
+    assert certify(stc.load("mine.stc").solve(), equations=False).passed
+
+
 def test_a_starter_of_a_model_that_is_too_large_to_be_tried_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -238,6 +251,35 @@ def test_a_starter_of_a_urdf_with_legs(tmp_path: Path, monkeypatch: pytest.Monke
     assert run(["run", "mine"]) == 0
 
 
+_WHEELS = "".join(
+    f"""<link name="wheel{k}"><inertial><mass value=".3"/><inertia ixx=".001" iyy=".001" izz=".001" ixy="0" ixz="0"
+    iyz="0"/></inertial><collision><geometry><cylinder radius=".06" length=".03"/></geometry></collision></link>
+    <joint name="axle{k}" type="continuous"><parent link="trunk"/><child link="wheel{k}"/><axis xyz="0 0 1"/>
+    <origin xyz="{x} {y} .06" rpy="-1.5707963267948966 0 0"/></joint>"""
+    for k, (x, y) in enumerate([(-0.1, 0.1), (-0.1, -0.1), (0.1, 0.1), (0.1, -0.1)])
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "root", "parts", "words"),
+    [
+        ("world", "floating", _URDF_LEG.format(n="F", x=0, y=0), "motors, floor"),
+        ("base", "fixed", _WHEELS, "freejoint, motors, floor"),
+    ],
+)
+def test_a_urdf_that_is_free_or_on_wheels_gets_a_floor(
+    name: str, root: str, parts: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(model_starter, "_SECONDS", 0.0)  # nothing is solved
+    monkeypatch.chdir(tmp_path)
+    trunk = f"""<link name="{name}"/><link name="trunk"><inertial><mass value="6"/><inertia ixx=".03" iyy=".1" izz=".1"
+      ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="mount" type="{root}"><parent link="{name}"/>
+      <child link="trunk"/></joint>"""
+    Path("robot.urdf").write_text(f'<robot name="robot">{trunk}{parts}</robot>', encoding="utf-8")
+    assert run(["new", "mine", "--model", "robot.urdf"]) == 0
+    assert f'model: "robot.urdf" with {words};' in Path("mine.stc").read_text(encoding="utf-8")
+
+
 def test_words_for_what_is_added(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "arm.urdf").write_text(_ARM.format(more=""), encoding="utf-8")
     (tmp_path / "arm.stc").write_text(
@@ -308,3 +350,37 @@ def test_a_starter_of_a_car_stands_on_its_wheels(
     assert text.count(", 0, 0, 0), radius = 0.05") == wheels
     assert ("point(geom.caster), friction = 0;" in text) == (wheels == 2)
     assert certify(stc.load("mine.stc").solve()).passed
+
+
+_CRANE = """<mujoco><compiler autolimits="true"/><worldbody><geom type="plane" size="5 5 .1"/>
+  <body name="mast" pos="0 0 1"><geom type="box" size=".1 .1 .3" mass="9"/>
+    <body name="boom" pos="0 0 .3"><joint name="luff" axis="0 -1 0" range="-10 70" damping="5"/>
+      <geom type="capsule" fromto="0 0 0 .9 0 0" size=".03" mass="4"/>
+      <body name="rope" pos=".9 0 -.05"><joint name="swing" type="ball" damping=".02"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".008" mass=".1"/></body></body></body>
+  <body name="load" pos=".9 0 .65"><freejoint/><geom type="box" size=".08 .08 .08" mass="2"/></body>
+  <body name="crate" pos="2 0 .1"><freejoint/><geom type="box" size=".2 .3 .1" mass="1"/></body></worldbody>
+  <equality><connect body1="rope" body2="load" anchor="0 0 -.5"/></equality>
+  <actuator><motor joint="luff" gear="120" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+@pytest.mark.nightly
+def test_a_starter_of_a_crane_holds_its_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The boom begins inside of the mast, the rope ends inside of the load, and a crate lies on the floor.
+
+    With the links of the model as soft as MuJoCo has them the load sinks, and advice names them.
+    """
+    monkeypatch.chdir(tmp_path)
+    Path("crane.xml").write_text(_CRANE, encoding="utf-8")
+    assert run(["new", "mine", "--model", "crane.xml"]) == 0
+    text = Path("mine.stc").read_text(encoding="utf-8")
+    assert "holds a pose" in text.splitlines()[0]
+    assert 'model: "crane.xml" with excludes;' in text
+    assert text.count("point(body.crate") == 3
+    certificate = certify(stc.load("mine.stc").solve(), equations=False)
+    assert certificate.passed, certificate.headline
+    soft = text.replace("  set option.solref.time = 0.0005;\n", "")
+    Path("mine.stc").write_text(soft, encoding="utf-8")
+    certificate = certify(stc.load("mine.stc").solve(), equations=False)
+    assert not certificate.passed
+    assert any("stiffer" in step and "solref" in step for step in certificate.next_steps)

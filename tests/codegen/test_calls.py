@@ -75,20 +75,20 @@ def test_a_place_that_is_emptied_is_empty(table):
 
 
 def test_arguments_are_checked():
-    times = function("point_times")
-    places, values, v, out = np.arange(6), np.full(6, 2.0), np.arange(6.0), np.zeros(6)
-    times(6, places, places, values, v, out)
-    np.testing.assert_array_equal(out, 2.0 * v)
+    copy = function("point_copy")
+    v, out = np.arange(6.0), np.zeros(6)
+    copy(6, v, out)
+    np.testing.assert_array_equal(out, v)
     for wrong, message in (
-        (v.astype(np.float32), "v must be a one-dimensional C-contiguous array of float64, not float32"),
-        (np.zeros(12)[::2], "v must be .*strides"),
-        (v.reshape(2, 3), "v must be .*shape"),
-        ([1.0] * 6, "v must be a float64 array, not list"),
+        (v.astype(np.float32), "source must be a one-dimensional C-contiguous array of float64, not float32"),
+        (np.zeros(12)[::2], "source must be .*strides"),
+        (v.reshape(2, 3), "source must be .*shape"),
+        ([1.0] * 6, "source must be a float64 array, not list"),
     ):
         with pytest.raises(ArgumentError, match=message):
-            times(6, places, places, values, wrong, out)
-    with pytest.raises(ArgumentError, match="takes 6 arguments, not 2"):
-        times(6, places)
+            copy(6, wrong, out)
+    with pytest.raises(ArgumentError, match="takes 3 arguments, not 2"):
+        copy(6, v)
 
 
 def test_structures_are_filled_by_name():

@@ -50,7 +50,7 @@ def _both(tape: Tape, runs: Runs, blocks: int, seed: int, kept: int = 0) -> tupl
     for backend in ways:
         kernels = compile_tapes([tape], [runs], backend, cache=False)
         out = np.full((blocks, len(tape.outputs), LANES), 7.0)
-        kernels.bind(0, workspace, uniform, index, out, given)()
+        kernels[0].bind(workspace, uniform, index, out, given)()
         results.append(out)
     return results[0], results[1]
 
@@ -94,7 +94,7 @@ def test_machine_code_takes_over_in_prepared_calls() -> None:
     workspace = np.linspace(-1.0, 1.0, 12)
     index = np.tile(np.arange(8, dtype=np.int32).reshape(2, 1, LANES), (10_000, 1, 1))
     out = np.zeros((20_000, 1, LANES))
-    call_it = kernels.bind(0, workspace, np.zeros(0), index, out)
+    call_it = kernels[0].bind(workspace, np.zeros(0), index, out)
     call_it()
     before = out.copy()
     kernels.compile_when_due()
@@ -128,7 +128,7 @@ def test_what_does_not_fit_the_stack_is_not_compiled(monkeypatch: pytest.MonkeyP
     for tapes in ([wide], [narrow]):
         kernels = compile_tapes(tapes, cache=False)
         out = np.zeros((1, len(tapes[0].outputs), LANES))
-        kernels.bind(0, workspace, np.zeros(1), index, out)()
+        kernels[0].bind(workspace, np.zeros(1), index, out)()
         results.append((kernels[0].is_compiled, out[0, :, 0]))
     assert [compiled for compiled, _ in results] == [False, True]
     assert np.allclose(results[0][1][1:], -np.arange(200.0))

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tape_reference as reference
 
-from stc.codegen import engine, reference
+from stc.codegen import engine
 from stc.codegen.kernel import LANES, compile_tapes
 from stc.codegen.runs import RUN, Runs
 from stc.codegen.tape import Tape, build_tape
@@ -48,7 +49,7 @@ def test_what_another_kernel_has_found_is_taken(
     expected = values.reshape(-1, blocks, LANES).transpose(1, 0, 2)
     np.testing.assert_allclose(out, expected, rtol=1e-13, atol=1e-13)
     bound = np.zeros_like(out)
-    kernels.bind(0, workspace, uniform, index, bound, kept)()
+    kernels[0].bind(workspace, uniform, index, bound, kept)()
     assert (bound == out).all()
 
 

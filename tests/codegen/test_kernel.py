@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tape_reference as reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from stc.arrays import aligned_zeros
-from stc.codegen import engine, reference
+from stc.codegen import engine
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
 from stc.codegen.runs import RUN
 from stc.codegen.tape import OPERATORS, Tape, build_tape
@@ -210,7 +211,7 @@ def test_many_tapes() -> None:
     assert len(kernels) == 3
     for k, tape in enumerate([first, second, first]):
         setting = Setting(tape, 6, k)
-        kernels.bind(k, *setting.arguments)()
+        kernels[k].bind(*setting.arguments)()
         np.testing.assert_allclose(setting.out, setting.expected(), rtol=1e-12)
     assert not kernels.cached
 
@@ -251,7 +252,7 @@ def test_angles_that_are_there_go_together(count: int) -> None:
 def test_bound_calls_see_new_values() -> None:
     for backend in ("llvm", "interpreter"):
         setting = Setting(double_pendulum(), 7)
-        call = compile_tapes([setting.tape], backend=backend).bind(0, *setting.arguments)
+        call = compile_tapes([setting.tape], backend=backend)[0].bind(*setting.arguments)
         for factor in (1.0, 0.5):
             setting.workspace *= factor
             setting.uniform *= factor
@@ -266,7 +267,7 @@ def test_chains_run_kernels_and_functions_of_the_core_in_order() -> None:
         flat = setting.out.reshape(-1)
         result, factors = np.zeros(flat.size), np.full(flat.size, 2.0)
         scaled = function("gather_place").bind(flat.size, flat, factors, result)
-        kernel = compile_tapes([setting.tape], backend=backend).bind(0, *setting.arguments)
+        kernel = compile_tapes([setting.tape], backend=backend)[0].bind(*setting.arguments)
         both = chain([kernel, scaled])
         assert both.native
         both()
@@ -333,7 +334,7 @@ def test_wrong_arrays_are_refused(change: dict[str, Any], message: str, backend:
     with pytest.raises(ValueError, match=message):
         kernels[0](*arguments.values())
     with pytest.raises(ValueError, match=message):
-        kernels.bind(0, *arguments.values())
+        kernels[0].bind(*arguments.values())
 
 
 def test_aligned_zeros() -> None:
@@ -437,7 +438,7 @@ def test_calls_keep_everything_alive() -> None:
     def make() -> tuple[Bound, Array, Array]:
         setting = Setting(double_pendulum(), 8)
         return (
-            compile_tapes([setting.tape], cache=False).bind(0, *setting.arguments),
+            compile_tapes([setting.tape], cache=False)[0].bind(*setting.arguments),
             setting.out,
             setting.expected(),
         )

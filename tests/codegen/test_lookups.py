@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import tape_reference as reference
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 from stc.arrays import aligned_zeros
-from stc.codegen import engine, reference
+from stc.codegen import engine
 from stc.codegen.kernel import LANES, Backend, compile_tapes
 from stc.codegen.runs import Runs
 from stc.codegen.tape import Tape, build_tape
@@ -43,7 +44,7 @@ def values_of(tape: Tape, uniform: np.ndarray, varying: np.ndarray) -> list[np.n
     for backend in ways:
         kernels = compile_tapes([tape], [runs], backend, cache=False)
         out = aligned_zeros((blocks, len(tape.outputs), LANES))
-        kernels.bind(0, workspace, uniform, np.ascontiguousarray(index), out)()
+        kernels[0].bind(workspace, uniform, np.ascontiguousarray(index), out)()
         found.append(out.transpose(1, 0, 2).reshape(len(tape.outputs), -1))
     return [*found, reference.run(tape, uniform, varying)]
 

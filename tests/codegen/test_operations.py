@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import tape_reference as reference
 
 from stc.arrays import aligned_zeros
-from stc.codegen import engine, reference
+from stc.codegen import engine
 from stc.codegen.kernel import LANES, compile_tapes
 from stc.codegen.runs import RUN
 from stc.codegen.tape import OPERATORS, Tape, build_tape

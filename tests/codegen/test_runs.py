@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import tape_reference as reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from stc.codegen import engine, reference
+from stc.codegen import engine
 from stc.codegen.kernel import LANES, compile_tapes
-from stc.codegen.runs import RUN, Copies, Runs, find_runs, used_inputs
+from stc.codegen.runs import RUN, Runs, find_runs, used_inputs
 from stc.codegen.tape import Tape, build_tape
 from stc.symbolic import expr
 from stc.transcription.assemble import blocks
@@ -29,14 +30,11 @@ def sums(count: int, left_out: int = 0) -> Tape:
 
 def evaluated(tape: Tape, places: Places, held: NDArray[np.float64], backend: str) -> NDArray[np.float64]:
     """The tape at all instances, by a kernel that fetches in runs. (outputs, instances)"""
-    copies = Copies(held.size)
-    found = find_runs(tape, places, copies)
-    workspace = np.concatenate([held, np.full(copies.end - held.size + RUN - 1, np.nan)])
-    source, target = copies.tables(found.copied)
-    workspace[target] = workspace[source]
-    index = blocks(found.starts, np.int32)
+    runs, starts = find_runs(tape, places)
+    workspace = np.concatenate([held, np.full(RUN - 1, np.nan)])
+    index = blocks(starts, np.int32)
     out = np.zeros((len(index), len(tape.outputs), LANES))
-    kernels = compile_tapes([tape], [found.runs], backend=backend, cache=False)  # type: ignore[arg-type]
+    kernels = compile_tapes([tape], [runs], backend=backend, cache=False)  # type: ignore[arg-type]
     kernels[0](workspace, np.zeros(0), index, out)
     return out.transpose(1, 0, 2).reshape(len(tape.outputs), -1)[:, : places.shape[1]]
 
@@ -76,8 +74,7 @@ def test_many_runs(registers: int, width: int, apart: int, monkeypatch: pytest.M
     rng = np.random.default_rng(2)
     places = apart * np.arange(150)[:, None] + rng.integers(0, 500, 21)
     tape, held = sums(150), rng.uniform(-1.0, 1.0, 1000)
-    found = find_runs(tape, places, Copies(1000))
-    assert found.runs.count == (38, 75)[apart - 1]
+    assert find_runs(tape, places)[0].count == (38, 75)[apart - 1]
     expected = reference.run(tape, [], held[places])
     np.testing.assert_allclose(evaluated(tape, places, held, "llvm"), expected, rtol=1e-11, atol=1e-9)
 
@@ -85,33 +82,23 @@ def test_many_runs(registers: int, width: int, apart: int, monkeypatch: pytest.M
 def test_neighbours_are_a_run() -> None:
     frame = 10 * np.arange(20)
     places = np.array([7, 3, 4, 5, 17, 0, 6])[:, None] + frame
-    found = find_runs(sums(7), places, Copies(1000))
-    assert found.runs.places == (7, 3, 4, 5, 8, 0, 6)
-    assert found.runs.count == 3 and not found.copied
-    np.testing.assert_array_equal(found.starts, np.array([0, 4, 17])[:, None] + frame)
+    runs, starts = find_runs(sums(7), places)
+    assert runs.places == (7, 3, 4, 5, 8, 0, 6)
+    assert runs.count == 3
+    np.testing.assert_array_equal(starts, np.array([0, 4, 17])[:, None] + frame)
 
 
 def test_what_is_not_read_is_not_fetched() -> None:
     places = np.arange(4)[:, None] + 4 * np.arange(5)
     tape = sums(4, left_out=2)
     assert used_inputs(tape) == [2, 3]
-    assert find_runs(tape, places, Copies(100)).runs.places == (-1, -1, 0, 1)
+    assert find_runs(tape, places)[0].places == (-1, -1, 0, 1)
 
 
-def test_exceptions_are_copied_and_many_make_runs_of_their_own() -> None:
+def test_exceptions_make_runs_of_their_own() -> None:
     places = np.arange(3)[:, None] + 5 * np.arange(16)
     places[2, 4] = 90
-    copies = Copies(100)
-    found = find_runs(sums(3), places, copies)
-    assert found.runs.places == (0, 1, 2)
-    assert found.copied == [(20, 21, 90, -1)] and copies.end == 100 + RUN
-    assert found.starts[0, 4] == 100 and found.starts[0, 5] == 25
-    for part, expected in zip(copies.tables(found.copied), ([20, 21, 90], [100, 101, 102]), strict=True):
-        np.testing.assert_array_equal(part, expected)
-    # the same copy serves other kernels
-    assert find_runs(sums(3), places, copies).copied == found.copied and copies.end == 100 + RUN
-    places[2, 4:9] = 90
-    assert find_runs(sums(3), places, Copies(100)).runs.places == (0, 1, RUN)
+    assert find_runs(sums(3), places)[0].places == (0, 1, RUN)
 
 
 def test_inputs_that_differ_at_a_few_instances_only_stay_two() -> None:
@@ -121,27 +108,27 @@ def test_inputs_that_differ_at_a_few_instances_only_stay_two() -> None:
     after[5] = 40
     places = np.array([before, after, before + 1])
     held = np.random.default_rng(3).uniform(-1.0, 1.0, 50)
-    found = find_runs(sums(3), places, Copies(50))
-    assert found.runs.places[0] != found.runs.places[1]
+    runs, _ = find_runs(sums(3), places)
+    assert runs.places[0] != runs.places[1]
     tape = sums(3)
     expected = reference.run(tape, [], held[places])
     np.testing.assert_allclose(evaluated(tape, places, held, "llvm"), expected, rtol=1e-12)
     # and what is the same everywhere is one
-    same = find_runs(sums(3), np.array([before, before, before + 1]), Copies(50))
-    assert same.runs.places == (0, 0, 1)
+    same, _ = find_runs(sums(3), np.array([before, before, before + 1]))
+    assert same.places == (0, 0, 1)
 
 
 def test_no_instances_and_no_inputs() -> None:
     tape = sums(3)
-    found = find_runs(tape, np.zeros((3, 0), np.int64), Copies(0))
-    assert found.starts.shape == (found.runs.count, 0)
+    runs, starts = find_runs(tape, np.zeros((3, 0), np.int64))
+    assert starts.shape == (runs.count, 0)
     constant = build_tape([expr.num(2.0)], [], [])
-    assert find_runs(constant, np.zeros((0, 5), np.int64), Copies(0)).runs.count == 0
+    assert find_runs(constant, np.zeros((0, 5), np.int64))[0].count == 0
 
 
 def test_runs_are_part_of_what_is_compiled() -> None:
     tape = sums(3)
-    together = find_runs(tape, np.arange(3)[:, None] + 3 * np.arange(8), Copies(100)).runs
+    together = find_runs(tape, np.arange(3)[:, None] + 3 * np.arange(8))[0]
     assert together.digest() != Runs.alone(3).digest()
     for runs in (together, Runs.alone(3), together):
         kernels = compile_tapes([tape], [runs], backend="llvm")

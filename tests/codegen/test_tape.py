@@ -6,11 +6,12 @@ import sys
 
 import numpy as np
 import pytest
+import tape_reference as reference
 from hypothesis import given, settings
 from numpy.typing import NDArray
 from symbolic.random_expressions import NAMES, expressions, points, simplified
+from tape_reference import count_ops
 
-from stc.codegen import reference
 from stc.codegen.tape import OPERATORS, Tape, build_tape
 from stc.symbolic.differentiate import gradient, hessian, jacobian
 from stc.symbolic.expr import Expr, call, evaluate_all, num, raw, reachable, sum_of, sym
@@ -66,9 +67,9 @@ def test_layout_of_slots_and_flags() -> None:
     check_form(tape)
     assert (tape.n_uniform, tape.n_varying, tape.constants) == (2, 2, [2.0, 5.0])
     assert (tape.first_literal, tape.first_op, tape.n_slots, tape.n_uniform_ops) == (4, 6, 9, 1)
-    assert sorted(tape.count_ops().items()) == [("add", 1), ("mul", 2)]
-    assert tape.count_ops(uniform=True) == {"mul": 1}
-    assert tape.count_ops(uniform=False) == {"add": 1, "mul": 1}
+    assert sorted(count_ops(tape).items()) == [("add", 1), ("mul", 2)]
+    assert count_ops(tape, uniform=True) == {"mul": 1}
+    assert count_ops(tape, uniform=False) == {"add": 1, "mul": 1}
     assert tape.outputs[2:] == [3, 5, 0]
     values = reference.run(tape, [10.0, np.nan], [[1.0, 2.0], [3.0, 4.0]])
     np.testing.assert_array_equal(values, [[23.0, 28.0], [3.0, 8.0], [3.0, 4.0], [5.0, 5.0], [10.0, 10.0]])
@@ -78,8 +79,8 @@ def test_layout_of_slots_and_flags() -> None:
 def test_whole_powers_need_no_power_function(exponent: int) -> None:
     for e in (raw("pow", X, num(exponent)), X**exponent):
         tape = build_tape([e], [], ["x"])
-        assert set(tape.count_ops()) <= {"mul", "div"}
-        assert sum(tape.count_ops().values()) <= 2 * max(1, abs(exponent)).bit_length()
+        assert set(count_ops(tape)) <= {"mul", "div"}
+        assert sum(count_ops(tape).values()) <= 2 * max(1, abs(exponent)).bit_length()
         for x in (-1.3, -0.4, 0.7, 2.0):
             assert run(e, x=x) == pytest.approx(x**exponent, rel=2e-14)
     assert run(raw("pow", X, num(exponent)), x=0.0) == np.power(
@@ -90,7 +91,7 @@ def test_whole_powers_need_no_power_function(exponent: int) -> None:
 @pytest.mark.parametrize("exponent", [-3.5, -1.5, -0.5, 0.5, 1.5, 2.5, 7.5])
 def test_half_powers_use_the_square_root(exponent: float) -> None:
     e = raw("pow", X, num(exponent))
-    assert set(build_tape([e], [], ["x"]).count_ops()) <= {"mul", "div", "sqrt"}
+    assert set(count_ops(build_tape([e], [], ["x"]))) <= {"mul", "div", "sqrt"}
     for x in (0.3, 1.0, 7.0):
         assert run(e, x=x) == pytest.approx(x**exponent, rel=1e-14)
     assert run(e, x=0.0) == (0.0 if exponent > 0 else np.inf)
@@ -101,7 +102,7 @@ def test_whole_expressions_may_be_inputs() -> None:
     sine = call("sin", X * X + C)
     outputs = [sine * Y, Y / sine, X * X + C, call("sin", C + X * X), sine]
     tape = build_tape(outputs, ["c"], ["x", "y", sine])
-    assert tape.count_ops() == {"add": 1, "div": 1, "mul": 2}
+    assert count_ops(tape) == {"add": 1, "div": 1, "mul": 2}
     results = reference.run(tape, [3.0], [[2.0], [5.0], [0.25]])
     assert results.ravel().tolist() == [1.25, 20.0, 7.0, 0.25, 0.25]
 
@@ -109,43 +110,43 @@ def test_whole_expressions_may_be_inputs() -> None:
 def test_what_is_below_an_input_alone_is_left_out() -> None:
     below = call("exp", sym("unknown"))
     tape = build_tape([below * X], [], ["x", below])
-    assert tape.count_ops() == {"mul": 1}
+    assert count_ops(tape) == {"mul": 1}
 
 
 @pytest.mark.parametrize("exponent", [-0.71, 0.25, 65.0, 1e10])
 def test_other_powers_stay(exponent: float) -> None:
     e = raw("pow", X, num(exponent))
-    assert build_tape([e], [], ["x"]).count_ops() == {"pow": 1}
+    assert count_ops(build_tape([e], [], ["x"])) == {"pow": 1}
     assert run(e, x=1.0 + 1e-9) == pytest.approx((1.0 + 1e-9) ** exponent, rel=1e-12)
 
 
 def test_divisions_by_uniform_values_are_hoisted() -> None:
     tape = build_tape([X / C, Y / C, C / X], ["c"], ["x", "y"])
-    assert tape.count_ops(uniform=True) == {"div": 1}
-    assert tape.count_ops(uniform=False) == {"div": 1, "mul": 2}
+    assert count_ops(tape, uniform=True) == {"div": 1}
+    assert count_ops(tape, uniform=False) == {"div": 1, "mul": 2}
 
 
 def test_uniform_factors_of_a_product_are_multiplied_once() -> None:
     e = raw("mul", num(0.125), raw("mul", C, raw("mul", sym("d"), X)))
     tape = build_tape([e], ["c", "d"], ["x"])
-    assert tape.count_ops(uniform=True) == {"mul": 2}
-    assert tape.count_ops(uniform=False) == {"mul": 1}
+    assert count_ops(tape, uniform=True) == {"mul": 2}
+    assert count_ops(tape, uniform=False) == {"mul": 1}
     assert reference.run(tape, [3.0, 5.0], [[2.0]]).item() == pytest.approx(3.75, rel=1e-15)
     # What is needed besides stays, and takes no more operations than it did.
     tape = build_tape([C * (sym("d") * X), sym("d") * X + Y], ["c", "d"], ["x", "y"])
-    assert tape.count_ops(uniform=False) == {"add": 1, "mul": 2}
+    assert count_ops(tape, uniform=False) == {"add": 1, "mul": 2}
 
 
 def test_a_divisor_that_serves_several_quotients_is_inverted_once() -> None:
     d = X + C
-    assert build_tape([X / d, Y / d, C / d], ["c"], ["x", "y"]).count_ops()["div"] == 1
-    assert build_tape([X / d], ["c"], ["x", "y"]).count_ops() == {"add": 1, "div": 1}
+    assert count_ops(build_tape([X / d, Y / d, C / d], ["c"], ["x", "y"]))["div"] == 1
+    assert count_ops(build_tape([X / d], ["c"], ["x", "y"])) == {"add": 1, "div": 1}
     # Derivatives of a quotient divide by the square of the divisor: its reciprocal is a square too.
     quotient = Y / d
     tape = build_tape([quotient, *gradient(quotient, ["x", "y"])], ["c"], ["x", "y"])
-    assert tape.count_ops()["div"] == 1
+    assert count_ops(tape)["div"] == 1
     second = [quotient, *gradient(quotient, ["x", "y"]), *hessian(quotient, ["x", "y"]).values()]
-    assert build_tape(second, ["c"], ["x", "y"]).count_ops()["div"] == 1
+    assert count_ops(build_tape(second, ["c"], ["x", "y"]))["div"] == 1
 
 
 def test_a_reciprocal_is_undefined_where_the_quotient_is() -> None:

@@ -116,7 +116,7 @@ def test_a_limit_holds_for_calls_prepared_before(two):
     call, alone = threads.parallel(phases, known), chain([part for phase in reference for part in phase])
     for limit, asked in ((1, False), (2, True), (1, False), (None, True)):
         threads.limit(limit)
-        known[:] = 10, 2**40, 1, 100, 100
+        known[:] = 10, 2**40, 1
         before = _offered()
         for _ in range(3):
             call()
@@ -134,7 +134,7 @@ def test_lists_of_the_same_work_share_what_they_learn(two):
     for _ in range(4):
         first()
     assert known[0] == 4 and min(known[1:3]) > 0
-    assert _offered() == before + 3  # the first run and two of the four that are timed
+    assert before + 2 <= _offered() <= before + 4  # the first run, and all but one of the others at most
     for alone, helped, asked in ((1, 10**12, 0), (10**12, 1, 1)):
         other = threads.parallel(_job(6, 500, 3)[0], known)
         for call in (other, second):
@@ -146,43 +146,30 @@ def test_lists_of_the_same_work_share_what_they_learn(two):
 
 @pytest.mark.parametrize("pays", [False, True])
 def test_now_and_then_it_is_tried_the_other_way(two, pays):
-    """The longer it is known, the more seldom."""
     known = threads.record()
     call = threads.parallel(_job(6, 50, 4)[0], known)
     call()
-    times = (2**60, 1) if pays else (1, 2**60)
     tries = []
-    known[0] = 4
-    for number in range(600):
-        known[1:3] = times
+    for number in range(100):
+        known[1:3] = (2**60, 1) if pays else (1, 2**60)
         before = _offered()
         call()
         if (_offered() > before) != pays:
             tries.append(number)
-    waits = np.diff(tries) - 1
-    assert tries[0] == 8 and waits.tolist() == [16, 32, 64, 128, 128, 128][: len(waits)]
-    assert len(waits) >= 5
+    assert len(tries) == 4 and len(set(np.diff(tries))) == 1
 
 
-def test_a_better_way_is_taken_and_looked_at_again_soon(two):
+def test_a_better_way_is_taken(two):
     known = threads.record()
     call = threads.parallel(_job(6, 50, 4)[0], known)
     call()
-    for wait, then in ((128, 8), (32, 32)):
-        known[:] = 10, 1, 2**40, 5, wait  # alone it is one nanosecond: from now on it is longer
+    while (known[0] == 0) or known[2] <= known[1]:  # until a try alone takes far less than with help
+        known[1:3] = 2**40, 2**40 - 1
         call()
-        assert list(known[3:]) == [4, wait]  # not yet longer than what help takes
-        known[:] = 10, 2**40, 1, 5, wait
-        held_up = 2**60
-        known[2] = held_up
-        before = _offered()
-        call()
-        assert _offered() == before and list(known[3:]) == [4, wait]
-        known[:] = 10, 2**40, 2**40 - 1, 0, wait  # a try alone takes far less
-        before = _offered()
-        call()
-        assert _offered() == before
-        assert list(known[3:]) == [then, then] and known[1] < 2**40 - 1
+    assert known[1] < 2**40 - 1
+    before = _offered()
+    call()
+    assert _offered() == before
 
 
 def test_how_many(monkeypatch):

@@ -21,8 +21,6 @@ PI = Decimal(
     "3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798"
 )
 COUNT = 240
-#: Beyond, sines are nan: neighbouring doubles are 0.004 apart.
-LARGEST_ANGLE = 2.0**45
 
 
 @pytest.fixture(params=["machine code", "baseline", "avx2", "avx512"])
@@ -249,8 +247,6 @@ NUMPY = {
 @pytest.mark.parametrize("name", sorted(NUMPY))
 def test_special_arguments(name: str, way: None) -> None:
     x = SPECIAL
-    if name in ("sin", "cos", "tan"):
-        x = x[~(np.abs(x) > LARGEST_ANGLE) | np.isinf(x)]
     with np.errstate(all="ignore"):
         expected = NUMPY[name](x)
     np.testing.assert_allclose(evaluate(name, x), expected, rtol=1e-15, atol=5e-324)
@@ -274,9 +270,3 @@ def test_fractional_power_of_a_negative_number_is_nan(way: None) -> None:
     x = np.array([-2.0, -1e-300, -0.5, -3.0])
     assert np.isnan(evaluate("pow", x, np.full(4, -0.71))).all()
     np.testing.assert_allclose(evaluate("pow", x, np.full(4, 3.0)), x**3, rtol=1e-15)
-
-
-def test_no_angle_is_left_in_huge_arguments(way: None) -> None:
-    x = np.array([1e14, -1e20, 1e300, 2 * LARGEST_ANGLE])
-    for name in ("sin", "cos", "tan"):
-        assert np.isnan(evaluate(name, x)).all()

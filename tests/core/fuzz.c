@@ -90,24 +90,39 @@ static int try_one(void) {
     }
     double *dense = calloc((size_t)(size * size + 1), sizeof(double));
     double *numbers = calloc((size_t)(h + j + 8 * size + 64), sizeof(double)), *at = numbers;
-    kkt_arrays arrays = {0};
     double *hess = at, *jac = (at += h), *primal = (at += j), *dual = (at += n), *rhs = (at += m), *second = (at += size);
     double *solution = (at += size), *other = (at += size);
     int64_t inertia[3];
-    arrays.hess = hess;
-    arrays.jac = jac;
-    arrays.primal = primal;
-    arrays.dual = dual;
-    arrays.rhs = rhs;
-    arrays.second_rhs = second;
-    arrays.solution = solution;
-    arrays.second_solution = other;
-    arrays.report = (at += size);
-    arrays.accuracy = (at += 3);
-    arrays.inertia = inertia;
-    kkt_pattern pattern = {n, m, h, j, hess_rows, hess_cols, jac_rows, jac_cols, stage};
-    kkt *system = kkt_new(&pattern, &arrays);
-    int failed = system == NULL;
+    /* Entries off the diagonal, by column: of the same unknown before those of others, H before J. */
+    static int32_t column[MOST * MOST], row[MOST * MOST], source[MOST * MOST], start[MOST + 1], unknown[MOST];
+    static int32_t curved_variable[MOST], curved_source[MOST];
+    int32_t entries = 0, curved = 0;
+    for (int a = 0; a < size; a++) {
+        unknown[a] = a;
+        start[a] = entries;
+        for (int32_t e = 0; e < h; e++)
+            if (hess_cols[e] == a && hess_rows[e] != a) {
+                row[entries] = hess_rows[e];
+                source[entries] = e;
+                column[entries++] = a;
+            } else if (hess_cols[e] == a) {
+                curved_variable[curved] = a;
+                curved_source[curved++] = e;
+            }
+        for (int32_t e = 0; e < j; e++)
+            if (jac_cols[e] == a) {
+                row[entries] = n + jac_rows[e];
+                source[entries] = (int32_t)h + e;
+                column[entries++] = a;
+            }
+    }
+    start[size] = entries;
+    kkt system = {.n = n, .m = m, .total = size, .given_count = h + j, .curved = curved, .curved_variable = curved_variable,
+                  .curved_source = curved_source, .size = size, .variables = n, .entries = entries, .filled = entries,
+                  .column = column, .row = row, .start = start, .source = source, .unknown = unknown, .stage = stage,
+                  .given = hess, .rhs = rhs, .second_rhs = second, .solution = solution, .second_solution = other,
+                  .report = (at += size), .accuracy = (at += 3), .inertia = inertia, .fine = 1e-13};
+    int failed = kkt_new(&system) != KKT_OK;
     for (int matrix = 0; matrix < 4 && !failed; matrix++) {
         int whole = below(4) == 0;
         for (int64_t k = 0; k < h; k++) hess[k] = whole ? below(5) - 2 : normal() * (below(5) ? 1.0 : 0.0);
@@ -120,8 +135,8 @@ static int try_one(void) {
             dense[(n + jac_rows[k]) * size + jac_cols[k]] = dense[jac_cols[k] * size + n + jac_rows[k]] = jac[k];
         for (int k = 0; k < n; k++) dense[k * size + k] += primal[k];
         for (int k = 0; k < m; k++) dense[(n + k) * size + n + k] -= dual[k];
-        kkt_options_of(system)->replan = below(3) == 0;
-        kkt_options_of(system)->threshold = below(2) ? 1e-4 : 0.4 * uniform();
+        system.replan = below(3) == 0;
+        system.threshold = below(2) ? 1e-4 : 0.4 * uniform();
         int64_t ended = kkt_refactor(&system);
         if (ended > KKT_SINGULAR || inertia[0] + inertia[1] + inertia[2] != size) {
             printf("ended with %d, inertia %d %d %d of %d\n", (int)ended, (int)inertia[0], (int)inertia[1], (int)inertia[2], size);
@@ -165,7 +180,7 @@ static int try_one(void) {
             failed = 1;
         }
     }
-    kkt_free(system);
+    kkt_free(&system);
     free(dense);
     free(numbers);
     return failed;

@@ -45,7 +45,6 @@ FILES = {
     "couplings": "arranging",
     "levels": "arranging",
     "segments": "arranging",
-    "batched": "batch",
     "multifrontal": "kkt",
     "contract": "kkt",
 }
@@ -65,7 +64,7 @@ def test_constants_agree() -> None:
             if isinstance(given, int | float) and not isinstance(given, bool) and _is_own(module, short):
                 assert given == value, f"{short} of {name} and {constant} in {file}"
                 compared += 1
-    assert compared > 10
+    assert compared >= 8
 
 
 def _is_own(module: ModuleType, name: str) -> bool:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from mechanism_models import FREE, SLIDE, TERMS, chain, hinge
 from mechanism_states import PARTS, Compared, dynamics_of, inverse, relative_error, symbols_of
+from tape_reference import run
 
-from stc.codegen.reference import run
 from stc.codegen.tape import build_tape
 from stc.mechanism.numbers import DerivedNumber, ModelNumber, Numbers, all_of_them
 from stc.mechanism.read import read_model

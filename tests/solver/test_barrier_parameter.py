@@ -7,7 +7,7 @@ import pytest
 
 from stc.core.functions import function
 from stc.core.structures import structure
-from stc.solver.filter import Filter
+from stc.solver.workspace import Filter
 
 GAPS = 10
 

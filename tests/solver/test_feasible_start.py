@@ -7,12 +7,12 @@ import pytest
 
 import stc
 from stc.solver import Options
-from stc.solver.feasible_start import least_violation
 from stc.solver.kkt import structured_kkt
 from stc.solver.monitor import Monitor
 from stc.solver.outcome import End
 from stc.solver.residuals import assess
 from stc.solver.scaled_problem import ScaledProblem
+from stc.solver.strategies import least_violation
 
 #: Two circles' distance is DISTANCE; the point is to be in both, from far off.
 CIRCLES = """

@@ -114,24 +114,17 @@ def test_callers_see_the_whole_point() -> None:
         )
 
 
-def test_another_start_is_asked_for_in_terms_of_the_whole() -> None:
+def test_a_start_is_that_of_what_is_left() -> None:
     program = standing()
     less = presolved(program)
     assert less is not None
-    other = Start(np.arange(float(program.n)), np.arange(float(program.m)), -np.arange(float(program.n)))
-    start = less.start(Start(program.x0, another=lambda left: (other, left - 3)))
-    assert start.x.tolist() == program.x0[less.known.part.cols].tolist()
-    assert start.another is not None
-    found, spent = start.another(5)
-    assert found is not None
-    assert spent == 2
+    found = less.start(
+        Start(np.arange(float(program.n)), np.arange(float(program.m)), -np.arange(float(program.n)))
+    )
     part = less.known.part
     assert found.x.tolist() == part.cols.tolist()
     assert found.row_multipliers is not None and found.row_multipliers.tolist() == part.rows.tolist()
     assert found.bound_multipliers is not None and (-found.bound_multipliers).tolist() == part.cols.tolist()
-    none = less.start(Start(program.x0, another=lambda left: (None, left))).another
-    assert none is not None
-    assert none(7) == (None, 7)
 
 
 def test_evaluators_of_what_is_left() -> None:

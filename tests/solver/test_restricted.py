@@ -11,10 +11,9 @@ from scaled_program import dense, scaled
 
 from stc.core.functions import function
 from stc.core.structures import structure
-from stc.solver.active_set_system import factorize_restricted
 from stc.solver.kkt.contract import Inertia
 from stc.solver.products import NOTHING
-from stc.solver.projection import Projection
+from stc.solver.projection import Projection, factorize_restricted
 
 diagonals = function("conditions_restricted_diagonals")
 

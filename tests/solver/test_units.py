@@ -164,7 +164,7 @@ def test_slopes_that_rounding_leaves_of_a_steep_valley_count_as_none(unit: float
 
 def test_a_slope_that_is_none_of_rounding_counts() -> None:
     """At rest in the origin terms are 0, so that rounding leaves nothing."""
-    from stc.solver.first_order_gain import slopes_left
+    from stc.solver.judgement import slopes_left
 
     program = SymbolicProgram([0.0], lambda x: 1e-5 * x[0] + 1e8 * x[0] ** 2)
     left = slopes_left(program, np.zeros(1), np.zeros(0), np.zeros(1))

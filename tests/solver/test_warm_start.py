@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from solver.kkt.dense import DenseKKT
 
 from stc.solver import Options, Start, minimize
-from stc.solver.primal_dual import measure
-from stc.solver.quadratic import ActiveSet, QuadraticProgram
+from stc.solver.quadratic import ActiveSet, QuadraticProgram, measure
 from stc.solver.scaled_problem import ScaledProblem
 
 

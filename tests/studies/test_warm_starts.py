@@ -10,7 +10,7 @@ import pytest
 
 import stc
 from stc import kept_transcriptions, pipeline
-from stc.guess_file import SolutionValues
+from stc.given_values import SolutionValues
 from stc.specs import names as bundled_specs
 
 HOPPER = """

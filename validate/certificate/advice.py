@@ -45,6 +45,9 @@ _STEP = (
 )
 
 
+#: Those of them that are of a replay.
+_REPLAYED = ("open-loop", "tracked", "feedback")
+
 #: Metrics of a motion on the ground that finer frames enlarge or reduce whatever the contacts of the model do.
 _TRUNCATION = (
     "residual between",
@@ -106,7 +109,7 @@ def next_steps(
         clamped: whether the model clamps solved controls, which explains a residual.
         unjudged: whether the residual could not be judged, so that wrong equations and too few frames look the same.
         drift: the advice on equalities that drift open; "" if the broken ones do not.
-        soft: the advice on contacts of the model that give way visibly; "" if none do.
+        soft: the advice on contacts or equality constraints of the model that give way visibly; "" if none do.
     """
     found: dict[str, None] = {}
     fine = _fine_enough(metrics)
@@ -123,7 +126,7 @@ def next_steps(
         if step:
             found.update(dict.fromkeys([one for one in details if one.startswith(step)] or [step]))
         elif not wrong:
-            step = _contacts(metric) if fine else _effect(metric, more_frames, soft)
+            step = _contacts(metric, soft) if fine else _effect(metric, more_frames, soft)
             if step and unjudged and not fine:
                 found[_UNJUDGED] = None
             if step and not causes:
@@ -155,7 +158,7 @@ def _fine_enough(metrics: Sequence[Metric]) -> bool:
     return any(m.name.startswith("external") for m in judged) and all(m.verdict != "fail" for m in judged)
 
 
-def _contacts(metric: Metric) -> str:
+def _contacts(metric: Metric, soft: str) -> str:
     """Advice on the model's contacts if they differ from the solved forces; more frames do not change this."""
     if metric.name.startswith("feedback"):
         return (
@@ -167,7 +170,7 @@ def _contacts(metric: Metric) -> str:
             "with the solved contact forces the motion is right, so that more frames do not help: MuJoCo's contacts "
             "give other forces. They may be softer than the spec's (a shorter solref, a smaller timestep), touch where "
             "the spec has no force, or share a force among more points; see the contact forces in the page of --report"
-        )
+        ) + (f"; {soft}" if soft else "")
     return ""
 
 
@@ -272,7 +275,7 @@ def _on_ground(metric: Metric) -> bool:
 
 
 def _effect(metric: Metric, more_frames: str, soft: str) -> str:
-    """Advice on measurements that more frames can reduce, and on the ground also stiffer contacts."""
+    """Advice on measurements that more frames can reduce, or stiffer contacts and equality constraints."""
     if metric.name.startswith("order of convergence"):
         return (
             "look for causes that are not smooth: limits that become active within a step, jumps, guesses that lead to "
@@ -286,4 +289,6 @@ def _effect(metric: Metric, more_frames: str, soft: str) -> str:
         step += (
             "; if that does not help, compare the solved contact forces with MuJoCo's in the page of --report"
         )
+    elif soft and metric.name.startswith(_REPLAYED):
+        step = f"{soft}; if that does not help, {step}"
     return step

@@ -87,17 +87,23 @@ def _friction(one: ContactForces) -> str:
 
 
 def soft_step(replays: Replays) -> str:
-    """Advice on a model whose contacts are softer than a landing is short; "" for other models."""
-    if not replays.ground:
-        return ""
+    """Advice on a model whose contacts are softer than a landing is short, or whose equality constraints give way; ""
+    for other models.
+    """
     model = replays.setup.compiled
     touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    time = float(model.geom_solref[touches, 0].max(initial=0.0))
-    if time <= _SOFT:
+    soft = {
+        "contacts": model.geom_solref[touches if replays.ground else [], 0],
+        "equality constraints": model.eq_solref[model.eq_active0 != 0, 0],
+    }
+    slowest = {what: float(times.max(initial=0.0)) for what, times in soft.items()}
+    told = [what for what, time in slowest.items() if time > _SOFT]
+    if not told:
         return ""
+    more = " set option.impratio = 100;" if replays.ground else ""
     return (
-        f"make the model's contacts stiffer, which give way with a time constant of {time:g} s: the lines "
-        "`set option.solref.time = 0.0005; set option.impratio = 100;` under replay: do that"
+        f"make the model's {' and '.join(told)} stiffer, which give way with a time constant of up to "
+        f"{max(slowest.values()):g} s: the line `set option.solref.time = 0.0005;{more}` under replay: does that"
     )
 
 

@@ -1,4 +1,4 @@
-/* The elastic form of a problem, its linear system, and penalties: see elastic.h. */
+/* The elastic form of a problem, and penalties: see elastic.h. */
 #include "elastic.h"
 
 void elastic_values(elastic_program *e) {
@@ -27,59 +27,6 @@ void elastic_derivatives(elastic_program *e) {
     for (int64_t k = 0; k < e->n; k++)
         e->at->gradient[k] = e->free[k] * e->curvature[k] * (e->at->x[k] - e->reference[k]);
     point_copy(e->jac_entries, e->own->jac, e->at->jac);
-}
-
-void elastic_state(double unit, const double *f, double *stated) { stated[0] = f[0] / unit; }
-
-void elastic_eliminate(elastic_system *e) {
-    int64_t n = e->n, m = e->m;
-    const double *restrict of_p = e->kkt->jac + e->jac_entries, *restrict of_q = of_p + m;
-    double *restrict inverse = e->inverse, *restrict primal = e->kkt->primal;
-    point_copy(e->jac_entries, e->kkt->jac, e->own->jac);
-    point_copy(n, primal, e->own->primal);
-    for (int64_t k = 0; k < m; k++) {
-        inverse[k] = 1.0 / primal[n + k];
-        inverse[m + k] = 1.0 / primal[n + m + k];
-        e->own->dual[k] = e->kkt->dual[k] + of_p[k] * of_p[k] * inverse[k] + of_q[k] * of_q[k] * inverse[m + k];
-    }
-}
-
-int64_t elastic_attempt(elastic_system *e) {
-    elastic_eliminate(e);
-    int64_t ended = invoke(e->calls, ATTEMPT);
-    if (ended == 0) {
-        e->inertia[0] = e->own->inertia[0] + 2 * e->m;
-        e->inertia[1] = e->own->inertia[1];
-        e->inertia[2] = e->own->inertia[2];
-    }
-    return ended;
-}
-
-void elastic_hand_on(elastic_system *e, int64_t second) {
-    int64_t n = e->n, m = e->m;
-    const double *restrict of_p = e->kkt->jac + e->jac_entries, *restrict of_q = of_p + m;
-    const double *restrict inverse = e->inverse, *restrict rhs = second ? e->kkt->second_rhs : e->kkt->rhs;
-    double *restrict own = second ? e->own->second_rhs : e->own->rhs;
-    point_copy(n, rhs, own);
-    for (int64_t k = 0; k < m; k++) {
-        double pulls = of_p[k] * inverse[k] * rhs[n + k] + of_q[k] * inverse[m + k] * rhs[n + m + k];
-        own[n + k] = rhs[n + 2 * m + k] - pulls;
-    }
-}
-
-void elastic_complete(elastic_system *e, int64_t second) {
-    int64_t n = e->n, m = e->m;
-    const double *restrict of_p = e->kkt->jac + e->jac_entries, *restrict of_q = of_p + m;
-    const double *restrict inverse = e->inverse, *restrict rhs = second ? e->kkt->second_rhs : e->kkt->rhs;
-    const double *restrict own = second ? e->own->second_solution : e->own->solution;
-    double *restrict solution = second ? e->kkt->second_solution : e->kkt->solution;
-    point_copy(n, own, solution);
-    for (int64_t k = 0; k < m; k++) {
-        double dy = own[n + k];
-        solution[n + k] = inverse[k] * (rhs[n + k] - of_p[k] * dy);
-        solution[n + m + k] = inverse[m + k] * (rhs[n + m + k] - of_q[k] * dy);
-        solution[n + 2 * m + k] = dy;
-    }
 }
 
 void elastic_take_values(int64_t m, const int64_t *restrict kept, int64_t count, const int64_t *restrict product,

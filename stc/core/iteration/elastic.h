@@ -1,4 +1,4 @@
-/* The elastic form of a problem and its linear system (stc/solver/elastic.py), and programs whose complementary products
+/* The elastic form of a problem (stc/solver/elastic.py), and programs whose complementary products
  * are a penalty (stc/solver/penalised.py).
  *
  * Unknowns are those of the problem, then p and q, (m) each; entries of the Jacobian those of the problem, then the
@@ -20,25 +20,6 @@ typedef API_STRUCT {
 API void elastic_values(elastic_program *e);
 /* But for the parts of p and q, which are constant. */
 API void elastic_derivatives(elastic_program *e);
-/* Note the problem's own objective in the user's terms. */
-API void elastic_state(double unit, const double *f, double *stated);
-
-/* The linear system, from which p and q are eliminated. */
-typedef API_STRUCT {
-    int64_t n, m, jac_entries;
-    const int64_t *calls;               /* the ATTEMPT of the problem's own system */
-    const linear_system *own, *kkt;     /* of the problem, and of its elastic form */
-    double *inverse;                    /* of the diagonal of p and q, (2 m) */
-    int64_t *inertia;
-} elastic_system;
-
-/* Hand on the matrix without p and q. */
-API void elastic_eliminate(elastic_system *e);
-/* Factorise where all goes as it did before; what the problem's own system says of it. */
-API int64_t elastic_attempt(elastic_system *e);
-/* The right-hand side without p and q, and the solution with them; the second ones, or the first. */
-API void elastic_hand_on(elastic_system *e, int64_t second);
-API void elastic_complete(elastic_system *e, int64_t second);
 
 /* Rows that are left, and the objective with the others. */
 API void elastic_take_values(int64_t m, const int64_t *kept, int64_t count, const int64_t *product,

@@ -198,10 +198,6 @@ API void point_overstepped(int64_t row_count, const int64_t *row_places, const d
 API void point_copy(int64_t count, const double *source, double *target);
 /* Move w inside its bounds by push, relative to the bound's size or the bounds' distance. */
 API void point_push_inside(const formulation *form, double push, double *w);
-API void point_times(int64_t count, const int64_t *rows, const int64_t *cols, const double *values, const double *v,
-                     double *out);
-API void point_symmetric_times(int64_t count, const int64_t *rows, const int64_t *cols, const double *values,
-                               const double *v, double *out);
 /* Everything at w, y and z of the iterate; functions may be undefined there. */
 API void point_evaluate(iteration *it);
 /* Errors of the optimality conditions of the barrier problem with parameter mu; residual. */

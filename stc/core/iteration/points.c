@@ -291,20 +291,3 @@ void point_push_inside(const formulation *form, double push, double *restrict w)
         w[i] = dmin(dmax(w[i], low), high);
     }
 }
-
-/* Products are not left to BLAS: it wakes its threads for vectors of ten thousand entries, which takes longer than
- * the product and keeps the other core from those who need it. */
-void point_times(int64_t count, const int64_t *restrict rows, const int64_t *restrict cols,
-                 const double *restrict values, const double *restrict v, double *restrict out) {
-    for (int64_t e = 0; e < count; e++) out[rows[e]] += values[e] * v[cols[e]];
-}
-
-void point_symmetric_times(int64_t count, const int64_t *restrict rows, const int64_t *restrict cols,
-                           const double *restrict values, const double *restrict v, double *restrict out) {
-    for (int64_t e = 0; e < count; e++) {
-        int64_t i = rows[e];
-        int64_t j = cols[e];
-        out[i] += values[e] * v[j];
-        if (i != j) out[j] += values[e] * v[i];
-    }
-}

@@ -154,13 +154,13 @@ class Contacts(Schedule):
         first = 0 if before is None else before.frames.last
         last = self.context.n if after is None else after.frames.first
         phase = after or before
-        if phase is None or first == last:
+        if contact.free is not None or first == last:
             return
-        span = self.context.span(phase.statement)
+        span = self.context.span(contact.statement if phase is None else phase.statement)
         for name in contact.forces:
             body = sym(VariableRef(name))
             yield Relation(body, ZERO, ZERO, FrameRange(first, last), span, f"{name} = 0 in flight")
-        if contact.kind == "pin":
+        if phase is None or contact.kind == "pin":
             return
         low, high = first + (before is not None), last - (after is not None)
         if low > high:

@@ -111,7 +111,7 @@ class Equalities:
         return any(frame.segment == WORLD for _, one in self.found for frame in one.ends)
 
     def forces(self) -> Forces:
-        """Their forces on the model."""
+        """The forces by which the held constraints act on the model."""
         total = Forces()
         for name, one in self.found:
             total.include(one.act([sym(VariableRef(path_of("equality", name, part))) for part in one.names]))

@@ -41,7 +41,7 @@ class Point:
         self.known.update({VariableRef(name): value for name, value in values.items()})
 
     def numbers(self, bodies: Sequence[Expr]) -> Matrix:
-        """The values of functions of the configuration."""
+        """The values of functions of the configuration at the pose at hand, (k,)."""
         return np.array([float(value) for value in self._evaluated(bodies, {})])
 
     def jacobian(self, rates: Sequence[Expr]) -> Matrix:

@@ -242,7 +242,7 @@ class Poses:
         return None if values is None else list(self.at(values))
 
     def at(self, values: Values) -> Iterator[Stated]:
-        """The rows of a pose."""
+        """Equations that hold in a pose: one for each coordinate, three for each orientation."""
         for one in self.scope.coordinates:
             for k, name in enumerate(one.positions):
                 yield Stated(

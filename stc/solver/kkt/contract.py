@@ -12,19 +12,16 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stc.core.calls import Bound
 from stc.solver.nlp import Floats
 
-__all__ = ["COARSE", "FINE", "REPORT", "Inertia", "KKTSystem", "NotFinite", "check_ended"]
+__all__ = ["COARSE", "FINE", "Inertia", "KKTSystem", "NotFinite", "check_ended"]
 
 #: The relative residual that iterative refinement aims at, and one that is enough for a step far from a solution, or
 #: for one that is corrected.
 FINE = 1e-13
 COARSE = 1e-10
-#: Length of ``report``: relative residual, refinements made, and of the scaled system, solution over right-hand side.
-REPORT = 3
 #: What a factorisation in the core returns where there are no factors.
 NOT_FINITE, NO_MEMORY = 2, 3
 
@@ -79,7 +76,7 @@ class KKTSystem(ABC):
             as long as the system lives.
         rhs, solution: what to solve for, and what ``solve_call`` found, (n + m,).
         second_rhs, second_solution: the same for what else ``solve_both_call`` solves for.
-        report: what solves tell: ``report[0]`` is the relative residual (see ``last_residual``).
+        report: what solves tell: the relative residual (see ``last_residual``), (1,).
         accuracy: the relative residual that solves are content with, (1,): ``FINE`` after each factorisation.
         inertia: what ``attempt_call`` found, (3,).
         factorizations: how many matrices have been factorised so far.
@@ -88,20 +85,33 @@ class KKTSystem(ABC):
             of K.
     """
 
-    hess: Floats
-    jac: Floats
-    primal: Floats
-    dual: Floats
-    rhs: Floats
-    solution: Floats
-    second_rhs: Floats
-    second_solution: Floats
-    report: Floats
-    accuracy: Floats
-    inertia: NDArray[np.int64]
-    _factorized: bool
     _solve: Bound
     _solve_both: Bound
+
+    def _allocate(
+        self, n: int, m: int, hess_count: int, jac_count: int, further: int = 0
+    ) -> dict[str, Floats]:
+        """Its arrays.
+
+        H, J, p and d are one after the other in ``given``, and behind them 1 and -1.
+
+        Returns:
+            The vectors with room for so many ``further`` unknowns behind their own ones.
+        """
+        self.n, self.m = n, m
+        sizes = hess_count, jac_count, n, m
+        self.given = np.concatenate([np.zeros(sum(sizes)), [1.0, -1.0]])
+        self.hess, self.jac, self.primal, self.dual, _ = np.split(self.given, np.cumsum(sizes))
+        names = "rhs", "solution", "second_rhs", "second_solution"
+        vectors = {name: np.zeros(n + m + further) for name in names}
+        self.rhs, self.solution, self.second_rhs, self.second_solution = (
+            vectors[name][: n + m] for name in names
+        )
+        self.report, self.accuracy = np.zeros(1), np.full(1, FINE)
+        self.inertia = np.zeros(3, dtype=np.int64)
+        self.last_residual = 0.0
+        self._factorized = False
+        return vectors
 
     @property
     @abstractmethod
@@ -111,21 +121,12 @@ class KKTSystem(ABC):
     @abstractmethod
     def nnz_factor(self) -> int: ...
 
-    last_residual: float
-
     @abstractmethod
     def refactor(self) -> Inertia:
         """Factorise what is in the arrays; see ``factorize``.
 
         Raises:
             NotFinite: a value is not finite.
-        """
-
-    @abstractmethod
-    def trust_small_pivots(self, trusted: bool) -> None:
-        """Whether a matrix is regular from now on if its smallest pivots are right in their leading digits.
-
-        Otherwise, and to begin with, it is singular when it is so to working precision: most are better taken for it.
         """
 
     @property

@@ -57,6 +57,11 @@ class Couplings:
         )
 
     @property
+    def sources(self) -> NDArray[np.intp]:
+        """Where each entry off the diagonal is among the values of H and then J."""
+        return np.concatenate([self.hess_off, self.hess_count + np.arange(self.jac_count)])
+
+    @property
     def size(self) -> int:
         """N = n + m."""
         return self.n + self.m

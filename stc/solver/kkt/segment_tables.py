@@ -1,4 +1,4 @@
-"""The tables that tell the compiled elimination of segments where everything is (``batch`` in ``stc/core/batch.h``)."""
+"""The tables that tell the core where everything is (``kkt`` in ``stc/core/kkt.h``)."""
 
 from __future__ import annotations
 
@@ -7,67 +7,52 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.arrays import distinct
-from stc.records import dataclass
-from stc.solver.kkt.couplings import Couplings
-from stc.solver.kkt.seams import Kind, Sewn
+from stc.arrays import distinct, ranks
+from stc.solver.kkt.couplings import Couplings, sort_by_key
+from stc.solver.kkt.seams import Kind, Sewn, kind_of, sew
 from stc.solver.kkt.segments import ACROSS, BORDERING, LANES, Segmentation
 
-__all__ = ["Rest", "tables_of"]
+__all__ = ["entries_by_column", "tables_of"]
 
 Int32s = NDArray[np.int32]
 Int64s = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Rest:
-    """What the segments leave: a matrix of the unknowns outside of them.
-
-    Attributes:
-        unknowns: their numbers, (R,), increasing.
-        couplings: its pattern, all entries being given as those of H, which couple rows as well.
-        entry, target: couplings of the whole matrix that are in it, and which entry of it they are.
-        number: which of them each unknown of the whole matrix is, or -1.
-        results: where the groups' results go (see ``batch``), (results, LANES) each.
-    """
-
-    unknowns: Int64s
-    couplings: Couplings
-    entry: Int64s
-    target: Int32s
-    number: Int64s
-    results: list[Int64s]
+def entries_by_column(one: Any, other: Any, source: Any, size: int) -> dict[str, Int32s]:
+    """The entries that couple these unknowns, (E,) each, column by column of the lower triangle."""
+    column = np.minimum(one, other).astype(np.int32)
+    order, start = sort_by_key(column, size)
+    row = np.maximum(one, other).astype(np.int32)
+    return {
+        "column": column[order], "row": row[order], "start": start, "source": source[order].astype(np.int32)
+    }  # fmt: skip
 
 
-def tables_of(
-    couplings: Couplings, found: Segmentation, kinds: list[Kind], sewn: Sewn, one: int
-) -> tuple[dict[str, Any], Rest]:
-    """Fields of ``batch`` that tell of the segments and of the rest; and the rest.
-
-    Args:
-        one: place of a 1 among the numbers given, a -1 being behind it.
-    """
+def tables_of(couplings: Couplings, found: Segmentation) -> dict[str, Any]:
+    """The fields of ``kkt`` that tell of segments and of the rest."""
     stages = found.stages
-    source = np.concatenate(
-        [couplings.hess_off, couplings.hess_count + np.arange(couplings.jac_count), np.full(sewn.added // 2, one + 1)]
-    ).astype(np.int32)  # fmt: skip
+    kinds = [kind_of(found, number, couplings.n) for number in range(len(found.example))]
+    sewn = sew(couplings, found, kinds)
+    one = couplings.hess_count + couplings.jac_count + couplings.size  # where a 1 is, a -1 being behind it
+    source = np.concatenate([couplings.sources, np.full(sewn.added // 2, one + 1)]).astype(np.int32)
     ends = []
     for group, before, after in zip(found.groups, sewn.before, sewn.after, strict=True):
         border = np.repeat(stages.border[kinds[group.kind].border][:, None], LANES, axis=1)
         ends.append(np.concatenate([after, before, border]).astype(np.int64))
-    rest = _rest_of(found, sewn, ends)
     by_stage = np.lexsort((found.edge_code, found.edge_stage))
     first = np.searchsorted(found.edge_stage[by_stage], np.arange(stages.pointers.size))
     shapes: dict[tuple[int, int], int] = {}
     shape_rows, group_rows = [], []
-    pairs, stage, unknowns, sources = [], [], [], []
+    orders, pairs, stage, unknowns, sources = [], [], [], [], []
     part = np.repeat(np.arange(len(found.parts)), found.parts)
     for number, group in enumerate(found.groups):
         kind, steps = kinds[group.kind], len(group.stages)
         shape = shapes.get((group.kind, steps))
         if shape is None:
             shape = shapes[group.kind, steps] = len(shapes)
-            pairs.append(_entries_of(found, kind, group.kind, steps))
+            own_pairs = np.sort(_entries_of(found, kind, group.kind, steps), axis=0)
+            orders.append(np.argsort(own_pairs[0], kind="stable"))
+            pairs.append(own_pairs[:, orders[-1]])
             order = kind.order(steps)
             own_stage = np.full(len(order) + len(ends[number]), -1)
             own_stage[: len(order)] = order // kind.own
@@ -82,20 +67,14 @@ def tables_of(
         count = found.codes[group.kind].size
         entries = source[by_stage[first[group.stages][:, None, :] + np.arange(count)[:, None]]]
         fixed = np.full((kind.following.size, LANES), one)
-        sources.append(np.concatenate([fixed, entries.reshape(-1, LANES)]))
-    tables = {
+        sources.append(np.concatenate([fixed, entries.reshape(-1, LANES)])[orders[shape]])
+    return {
         "shapes": len(shapes), "groups": len(found.groups), "parts": len(found.parts),
         "shape": _flat(shape_rows, np.int64), "group": _flat(group_rows, np.int64),
-        "one": _joined([own[0] for own in pairs]), "other": _joined([own[1] for own in pairs]),
-        "stage": _joined(stage), "unknown": _joined(unknowns), "source": _joined(sources),
-        "end": _joined([rest.number[own] for own in ends]), "result": _joined(rest.results),
-        "rest": rest.unknowns.size, "rest_entries": rest.entry.size, "rest_variables": rest.couplings.n,
-        "rest_filled": rest.couplings.hess_count, "rest_unknown": _joined([rest.unknowns]),
-        "rest_first": _joined([rest.number[sewn.couplings.first[rest.entry]]]),
-        "rest_second": _joined([rest.number[sewn.couplings.second[rest.entry]]]),
-        "rest_source": _joined([source[rest.entry]]), "rest_target": _joined([rest.target]),
+        "shape_column": _joined([own[0] for own in pairs]), "shape_row": _joined([own[1] for own in pairs]),
+        "shape_stage": _joined(stage), "group_unknown": _joined(unknowns), "group_source": _joined(sources),
+        **_rest_of(found, sewn, ends, source),
     }  # fmt: skip
-    return tables, rest
 
 
 def _flat(rows: list[list[int]], dtype: Any) -> NDArray[Any]:
@@ -125,38 +104,46 @@ def _entries_of(found: Segmentation, kind: Kind, number: int, steps: int) -> Int
     return np.concatenate([before, np.stack([one.reshape(-1), other.reshape(-1)])], axis=1)
 
 
-def _rest_of(found: Segmentation, sewn: Sewn, ends: list[Int64s]) -> Rest:
-    """The matrix that is factorised after the segments: its unknowns, its pattern, and where their results go."""
+def _rest_of(found: Segmentation, sewn: Sewn, ends: list[Int64s], source: Int32s) -> dict[str, Any]:
+    """The matrix that is left to fronts, its unknowns being those outside of segments, and where groups' results go."""
     couplings, unknowns = sewn.couplings, sewn.outside
-    size = couplings.size
-    number = np.full(size, -1, dtype=np.int64)
-    number[unknowns] = np.arange(unknowns.size)
     count = unknowns.size
-    variables = int(np.searchsorted(unknowns, couplings.n))
+    number = np.full(couplings.size, -1, dtype=np.int64)
+    number[unknowns] = np.arange(count)
     entry = np.flatnonzero((number[couplings.first] >= 0) & (number[couplings.second] >= 0))
-    pairs = [_key(number[couplings.first[entry]], number[couplings.second[entry]], count)]
-    corners = []
-    for group, own in zip(found.groups, ends, strict=True):
-        a, b = np.tril_indices(len(own))
-        corners.append((number[own[a]], number[own[b]], np.arange(LANES) < group.segments))
-        pairs.append(_key(*corners[-1][:2], count)[:, : group.segments].reshape(-1))
-    keys = distinct(np.concatenate(pairs))
-    keys = keys[keys // count != keys % count]
-    none = np.zeros(0, dtype=np.intp)
-    pattern = Couplings(
-        variables, count - variables, (keys // count).astype(np.int32), (keys % count).astype(np.int32),
-        np.arange(keys.size), none, none.astype(np.int32), keys.size, 0,
-    )  # fmt: skip
+    given = entries_by_column(
+        number[couplings.first[entry]], number[couplings.second[entry]], source[entry], count
+    )
+    keys = given["column"].astype(np.int64) * count + given["row"]
+    corners = [number[own] for own in ends]
+    triangles = [np.tril_indices(len(own)) for own in ends]
+    pairs = [
+        np.minimum(own[a], own[b]) * count + np.maximum(own[a], own[b])
+        for own, (a, b) in zip(corners, triangles, strict=True)
+    ]
+    filled = distinct(np.concatenate([pair.reshape(-1) for pair in pairs]))
+    filled = filled[filled // count != filled % count]
+    ordered = np.sort(keys)
+    filled = filled[~_among(filled, ordered)]
+    keys = np.concatenate([keys, filled])
+    order = np.argsort(keys)
     results = []
-    for one, other, real in corners:
-        diagonal = keys.size + one
-        # The diagonal of rows is given with its sign changed.
-        diagonal = np.where(one < variables, diagonal, -1 - diagonal)
-        place = np.where(one == other, diagonal, np.searchsorted(keys, _key(one, other, count)))
-        results.append(np.where(real, place, 0))
-    target = np.searchsorted(keys, pairs[0]).astype(np.int32)
-    return Rest(unknowns, pattern, entry, target, number, results)
+    for pair in pairs:
+        place = order[np.minimum(np.searchsorted(keys, pair, sorter=order), keys.size - 1)]
+        results.append(np.where(pair // count == pair % count, pair // count, count + place))
+    column, row = (
+        np.concatenate([given[name], own.astype(np.int32)])
+        for name, own in (("column", filled // count), ("row", filled % count))
+    )
+    return {
+        **given, "column": column, "row": row, "total": couplings.size, "size": count,
+        "variables": int(np.searchsorted(unknowns, couplings.n)), "entries": entry.size, "filled": keys.size,
+        "unknown": unknowns.astype(np.int32), "stage": ranks(sewn.stage[unknowns])[0].astype(np.int32),
+        "group_end": _joined(corners), "group_result": _joined(results),
+    }  # fmt: skip
 
 
-def _key(one: Int64s, other: Int64s, count: int) -> Int64s:
-    return np.maximum(one, other) * count + np.minimum(one, other)
+def _among(values: Int64s, ordered: Int64s) -> NDArray[np.bool_]:
+    """Which of some values are in an array in ascending order."""
+    at = np.searchsorted(ordered, values)
+    return np.append(ordered, -1)[at] == values

@@ -212,18 +212,21 @@ def test_a_pushed_box_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) ->
 
 
 def test_a_ball_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
-    """It falls for sqrt(2 z/g); every frame but those of the landing has either a gap or a force."""
-    rough = stc.load(DOCS / "ball_free.stc").solve()
+    """It falls for sqrt(2 z/g), no frame of equal steps; all frames but the landing have either a gap or a force."""
+    (tmp_path / "dropped.stc").write_text(
+        (DOCS / "ball_free.stc").read_text().replace("0.9 <= joint.z <= 1.1;", "joint.z = 1;")
+    )
+    (tmp_path / "ball.xml").write_text((DOCS / "ball.xml").read_text())
+    rough = stc.load(tmp_path / "dropped.stc").solve()
     assert rough.status == "optimal"
     kind = rough.complementarity()
     assert kind is not None and kind.b_stationary is True and not kind.degenerate
-    (tmp_path / "ball.xml").write_text((DOCS / "ball.xml").read_text())
     write_schedule(rough, tmp_path / "scheduled.stc")
     solution = stc.load(tmp_path / "scheduled.stc").solve(n=120)
     assert solution.status == "optimal"
     height = values(solution, "joint.z")
     landed = solution.time[np.flatnonzero(height < 1e-9)[0]]
-    assert landed == pytest.approx(sqrt(2 * height[0] / G), rel=1e-6)
+    assert landed == pytest.approx(sqrt(2 / G), rel=1e-6)
     assert validate(solution).passed
 
 
@@ -250,6 +253,14 @@ contact: foot = point(site.bottom), friction = 0.3;
 constraints: [0]: joint.x; joint.z; joint.x' = v; joint.z';
 """
 PLANAR = BLOCK.replace('<joint name="y" type="slide" axis="0 1 0"/>', "")
+
+
+def test_a_contact_that_never_stands_bears_nothing(tmp_path: Path) -> None:
+    """What is declared without ranges leaves a body to fall."""
+    solution = load(tmp_path, PLANAR, SLIDE.replace("[0, n]: foot slides WAY;", "")).solve()
+    assert solution.status == "optimal"
+    assert values(solution, "joint.z")[-1] == pytest.approx(-G * 0.4**2 / 2, rel=1e-9)
+    assert not values(solution, "foot_fz").any()
 
 
 @pytest.mark.parametrize(("way", "sign"), [("forward", 1.0), ("backward", -1.0)])

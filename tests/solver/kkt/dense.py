@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.core.calls import Bound
-from stc.solver.kkt.contract import FINE, Inertia, KKTSystem, NotFinite
+from stc.solver.kkt.contract import Inertia, KKTSystem, NotFinite
 from stc.solver.nlp import Floats, Ints
 
 #: Eigenvalues of the equilibrated matrix below this count as zero.
@@ -68,25 +68,16 @@ class DenseKKT(KKTSystem):
         row_stage: Ints,
         held: NDArray[np.bool_] | None = None,
     ) -> None:
-        self.n = n
-        self.m = m
+        self._allocate(n, m, np.size(hess_rows), np.size(jac_rows))
         self.nnz_factor = (n + m) ** 2
-        self.last_residual = 0.0
-        self.inertia = np.zeros(3, dtype=np.int64)
         self._pattern = (
             np.asarray(jac_rows),
             np.asarray(jac_cols),
             np.asarray(hess_rows),
             np.asarray(hess_cols),
         )
-        self.hess, self.jac = np.zeros(self._pattern[2].size), np.zeros(self._pattern[0].size)
-        self.primal, self.dual = np.zeros(n), np.zeros(m)
-        self.rhs, self.solution = np.zeros(n + m), np.zeros(n + m)
-        self.second_rhs, self.second_solution = np.zeros(n + m), np.zeros(n + m)
-        self.report, self.accuracy = np.zeros(1), np.full(1, FINE)
         self._solve = Bound.of_python(self._solve_once, ())
         self._solve_both = Bound.of_python(self._solve_twice, ())
-        self._factorized = False
 
     def refactor(self) -> Inertia:
         """See ``KKTSystem.refactor``."""
@@ -102,9 +93,6 @@ class DenseKKT(KKTSystem):
         positive = int((self._eigenvalues > SINGULAR).sum())
         negative = int((self._eigenvalues < -SINGULAR).sum())
         return Inertia(positive, negative, self.n + self.m - positive - negative)
-
-    def trust_small_pivots(self, trusted: bool) -> None:
-        """It has none."""
 
     def check_solution(self) -> bool:
         """See ``KKTSystem.check_solution``: there is nothing more careful."""

@@ -8,8 +8,8 @@ import numpy as np
 from solver.kkt.kkt_problems import Builder, Pattern
 
 from stc.solver.kkt import segments
-from stc.solver.kkt.batched import BatchedKKT
 from stc.solver.kkt.couplings import Couplings
+from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.segments import Segmentation, find_segments, number_stages
 
 
@@ -55,7 +55,7 @@ def parts(pattern: Pattern, *, shared: bool = False) -> tuple[Couplings, np.ndar
         return couplings, stage, None if numbered is None else find_segments(numbered)
 
 
-def system_of(pattern: Pattern, *, shared: bool = False) -> BatchedKKT:
+def system_of(pattern: Pattern, *, shared: bool = False) -> MultifrontalKKT:
     couplings, stage, found = parts(pattern, shared=shared)
     assert found is not None
-    return BatchedKKT(couplings, stage, found)
+    return MultifrontalKKT.of_couplings(couplings, stage, found)

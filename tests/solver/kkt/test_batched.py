@@ -11,8 +11,9 @@ from solver.kkt.motions import holding, motion, parts, structure, system_of
 from solver.kkt.test_contract import check
 
 import stc
-from stc.solver.kkt.batched import BatchedKKT
+from stc.solver.kkt import reuse
 from stc.solver.kkt.couplings import Couplings
+from stc.solver.kkt.multifrontal import MultifrontalKKT
 from stc.solver.kkt.reuse import StructuredKKT
 from stc.solver.kkt.seams import Sewn, kind_of, sew
 from stc.solver.kkt.segments import Segmentation, find_segments, number_stages
@@ -148,7 +149,7 @@ def test_what_a_stage_passes_on_is_little():
         couplings, stage, found = parts(pattern)
         assert found is not None
         widths.append([kind_of(found, k, couplings.n).following.size for k in range(len(found.example))])
-        check(BatchedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
+        check(MultifrontalKKT.of_couplings(couplings, stage, found), pattern, generic(rng, pattern), rng)
         pattern.var_stage[:], pattern.row_stage[:] = 29 - pattern.var_stage, 29 - pattern.row_stage
     assert widths[0] == widths[1]
 
@@ -169,7 +170,7 @@ def test_unknowns_that_couple_both_ways_stay_where_they_are():
     couplings, stage, found = parts(pattern)
     assert found is not None
     assert [kind_of(found, k, couplings.n).following.size for k in range(len(found.example))] == [3]
-    check(BatchedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
+    check(MultifrontalKKT.of_couplings(couplings, stage, found), pattern, generic(rng, pattern), rng)
 
 
 def test_frames_that_hold_a_variable_are_left_out():
@@ -196,7 +197,7 @@ def test_runs_of_unequal_length_have_segments_of_their_own():
     assert sorted(len(group.stages) for group in found.groups) == [8, 28]
     assert np.count_nonzero(~found.interior) < 15
     assert len(found.example) == 1
-    check(BatchedKKT(couplings, stage, found), pattern, generic(rng, pattern), rng)
+    check(MultifrontalKKT.of_couplings(couplings, stage, found), pattern, generic(rng, pattern), rng)
 
 
 def test_entries_that_vanish_somewhere_are_no_pivots():
@@ -216,17 +217,18 @@ def test_entries_that_vanish_somewhere_are_no_pivots():
 
 def test_a_lamp_in_flight_has_pivots(monkeypatch):
     """At the start of a segment nothing holds its state, and what is left of the stage cancels in many orders."""
-    whole = []
-    refactor_whole = BatchedKKT._refactor_whole
+    made = []
 
-    def counted(kkt):
-        whole.append(kkt)
-        return refactor_whole(kkt)
+    class Kept(MultifrontalKKT):
+        def _prepare(self, *args):
+            super()._prepare(*args)
+            made.append(self)
 
-    monkeypatch.setattr(BatchedKKT, "_refactor_whole", counted)
+    monkeypatch.setattr(reuse, "MultifrontalKKT", Kept)
     solved = stc.load("luxo_jump", k=4).solve(max_iterations=20)
     assert solved.factorizations > 15
-    assert len(whole) <= 2
+    assert sum(kkt.segments for kkt in made) > 0
+    assert sum(kkt.refused for kkt in made) <= 2
 
 
 def test_storage_grows_with_the_frames_only():
@@ -249,7 +251,7 @@ def test_the_next_solve_takes_over():
     pattern = motion(rng, 80)
     first = StructuredKKT(*pattern.arguments())
     system = first.system
-    assert isinstance(system, BatchedKKT)
+    assert system.segments > 0
     values = generic(rng, pattern)
     inertia = first.factorize(*values.arguments())
     del first

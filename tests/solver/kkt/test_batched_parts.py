@@ -9,7 +9,7 @@ from solver.kkt.motions import motion, parts, system_of
 from solver.kkt.test_contract import check
 
 from stc.codegen import threads
-from stc.solver.kkt.batched import BatchedKKT
+from stc.solver.kkt.multifrontal import MultifrontalKKT
 
 
 def _plain(rng, pattern):
@@ -29,7 +29,7 @@ def test_two_parts_against_dense_algebra(two_threads, values_of):
         couplings, stage, found = parts(pattern, shared=True)
         assert found is not None
         assert len(found.parts) == 2
-        kkt = BatchedKKT(couplings, stage, found)
+        kkt = MultifrontalKKT.of_couplings(couplings, stage, found)
         for _ in range(2):
             check(kkt, pattern, values_of(rng, pattern), rng)
 
@@ -85,7 +85,7 @@ def test_a_pivot_that_one_part_refuses(two_threads, part):
     pattern = motion(rng, 45)
     couplings, stage, found = parts(pattern, shared=True)
     assert found is not None
-    kkt = BatchedKKT(couplings, stage, found)
+    kkt = MultifrontalKKT.of_couplings(couplings, stage, found)
     values = _plain(rng, pattern)
     check(kkt, pattern, values, rng)
     first, _ = found.parts

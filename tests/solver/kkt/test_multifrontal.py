@@ -9,9 +9,7 @@ from solver.kkt.backends import assert_alike_with_all_instructions
 from solver.kkt.dense import DenseKKT
 from solver.kkt.kkt_problems import STRUCTURES, Builder, Pattern, Values, generic, sparse_diagonals
 
-from stc.solver.kkt import Inertia, MultifrontalKKT, multifrontal
-from stc.solver.kkt.couplings import Couplings
-from stc.solver.kkt.entries import Arrays
+from stc.solver.kkt import MultifrontalKKT, multifrontal
 
 
 def regular(rng: np.random.Generator, frames: int, kind: str) -> Pattern:
@@ -195,7 +193,7 @@ def test_pivots_that_fail_are_taken_in_a_later_front(structure):
         eigenvalues = np.linalg.eigvalsh(matrix)
         if np.abs(eigenvalues).min() < 1e-7:
             continue
-        kkt._options.threshold = 0.45
+        kkt._system.threshold = 0.45
         inertia = kkt.factorize(*values.arguments())
         assert inertia == ((eigenvalues > 0.0).sum(), (eigenvalues < 0.0).sum(), 0)
         rhs = rng.normal(size=pattern.n + pattern.m)
@@ -203,7 +201,7 @@ def test_pivots_that_fail_are_taken_in_a_later_front(structure):
         expected = np.linalg.solve(matrix, rhs)
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
         assert kkt.last_residual < 1e-12
-        delayed += kkt._facts.delayed
+        delayed += kkt._system.delayed
     assert delayed > 0 or structure in ("single", "awkward")
 
 
@@ -221,37 +219,6 @@ def test_doubtful_solves_raise_the_threshold(monkeypatch):
     assert kkt.factorizations > 1  # each larger threshold is a factorisation that counts
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * np.abs(other).max())
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_what_others_have_left_couples_rows_and_is_not_refined(seed):
-    """Any symmetric matrix, given in scale."""
-    rng = np.random.default_rng(seed)
-    n, m = int(rng.integers(1, 30)), int(rng.integers(0, 30))
-    size = n + m
-    rows, columns = np.tril_indices(size, -1)
-    kept = (rows - columns < 6) | (rng.random(rows.size) < 0.02)
-    rows, columns = rows[kept].astype(np.int32), columns[kept].astype(np.int32)
-    none = np.zeros(0, dtype=np.intp)
-    couplings = Couplings(
-        n, m, rows, columns, np.arange(rows.size), none, none.astype(np.int32), rows.size, 0
-    )
-    kkt = MultifrontalKKT.of_couplings(couplings, np.arange(size) // 4, Arrays.of(couplings), part=True)
-    for _ in range(3):
-        matrix = np.zeros((size, size))
-        matrix[rows, columns] = rng.uniform(-1.0, 1.0, rows.size)
-        matrix += matrix.T + np.diag(rng.uniform(-1.0, 1.0, size) * (rng.random(size) < 0.5))
-        kkt.hess[:] = matrix[rows, columns]
-        kkt.primal[:], kkt.dual[:] = np.diag(matrix)[:n], -np.diag(matrix)[n:]
-        eigenvalues = np.linalg.eigvalsh(matrix)
-        if np.abs(eigenvalues).min() < 1e-4:
-            continue
-        assert kkt.refactor() == Inertia(int((eigenvalues > 0).sum()), int((eigenvalues < 0).sum()), 0)
-        kkt.rhs[:], kkt.second_rhs[:] = rng.normal(size=(2, size))
-        kkt.solve_both_call()
-        for rhs, found in ((kkt.rhs, kkt.solution), (kkt.second_rhs, kkt.second_solution)):
-            expected = np.linalg.solve(matrix, rhs)
-            np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
 
 
 def test_all_instruction_sets_give_the_same():

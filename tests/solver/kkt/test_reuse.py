@@ -69,6 +69,3 @@ def test_little_is_kept(monkeypatch):
     monkeypatch.setattr(reuse, "KEPT_BYTES", newest.system.nbytes - 1)
     del newest
     assert not reuse._kept
-    monkeypatch.setattr(reuse, "LARGEST", 0)
-    StructuredKKT(*patterns[0].arguments())
-    assert not reuse._kept

@@ -1,7 +1,8 @@
-"""The meaning of a tape, in NumPy: the oracle for compiled kernels, and the fallback without a compiler."""
+"""The meaning of a tape, in NumPy: the oracle for kernels."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
@@ -51,7 +52,7 @@ def _run_chunk(
         READ: partial(_read, uniform),
     }
     values: list[Any] = [*uniform[: tape.n_uniform], *varying, *map(np.float64, tape.constants)]
-    last_use = tape.last_use
+    last_use = _last_use(tape)
     for number, (op, a, b) in enumerate(tape.ops):
         meaning = meanings[op]
         values.append(meaning(values[a]) if b < 0 else meaning(values[a], values[b]))
@@ -61,6 +62,26 @@ def _run_chunk(
             values[b] = None
     for row, slot in enumerate(tape.outputs):
         out[row] = values[slot]
+
+
+def _last_use(tape: Tape) -> list[int]:
+    """Per slot, the last operation that reads it; -1 if none does, ``len(ops)`` for outputs."""
+    last = [-1] * tape.n_slots
+    for number, (_, a, b) in enumerate(tape.ops):
+        last[a] = number
+        if b >= 0:
+            last[b] = number
+    for slot in tape.outputs:
+        last[slot] = len(tape.ops)
+    return last
+
+
+def count_ops(tape: Tape, uniform: bool | None = None) -> dict[str, int]:
+    """How often each operator occurs, in all operations or, by flag, the uniform or the others."""
+    wanted = [
+        op for (op, _, _), flag in zip(tape.ops, tape.uniform_ops, strict=True) if uniform in (None, flag)
+    ]
+    return dict(sorted(Counter(wanted).items()))
 
 
 def _clip(x: Any, last: Any) -> Any:
