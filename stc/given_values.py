@@ -50,7 +50,7 @@ class GivenValues(Protocol):
     strict: bool
 
     def names(self) -> Iterable[str]:
-        """All names, derivatives with their primes."""
+        """The names of all variables, derivatives and parameters that have values; a derivative is written ``x'``."""
 
     def parameter(self, name: str) -> float | None:
         """The value of a parameter, or None if there is none of this name."""
@@ -188,7 +188,7 @@ class SolutionValues:
         return self._sampled[n]
 
     def _at_midpoints(self, n: int) -> dict[str, Any]:
-        """All curves halfway between those frames."""
+        """The values of all curves halfway between the frames of a motion of n steps, (n,) each, by name."""
         if n not in self._between:
             self._between[n] = self.solution.at_frame(self._aligned(n).to_old(np.arange(n) + 0.5))
         return self._between[n]

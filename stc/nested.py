@@ -222,7 +222,7 @@ class Nested:
         """The result on all frames from the motion on fewer, whether it is a solution, and whether its objective is as
         expected.
         """
-        quick = replace(self._attempt(), warm_start=True, trusting=False)
+        quick = self._from_other_frames()
         self._promised = ratio * before.objective
         start = self.start(before)
         found = self._on_all(quick, start)
@@ -251,7 +251,7 @@ class Nested:
         start = self._half_way(before)
         if start is None or self._as_promised(worse) or self._stopped or self._over:
             return _uncounted(worse)
-        other = self._on_all(replace(self._attempt(), warm_start=True, trusting=False), start)
+        other = self._on_all(self._from_other_frames(), start)
         if other.status is Status.OPTIMAL and other.objective < worse.objective:
             return other
         self._count(other)
@@ -297,9 +297,7 @@ class Nested:
                 before = self._before()
                 if before.status != "optimal" or self._over:
                     continue
-                other = self._on_all(
-                    replace(self._attempt(), warm_start=True, trusting=False), self.start(before)
-                )
+                other = self._on_all(self._from_other_frames(), self.start(before))
                 if other.status is Status.OPTIMAL:
                     return self._counted(other)
                 self._count(other)
@@ -343,6 +341,10 @@ class Nested:
         """The options of a solve that is given up after some iterations without success."""
         left = self._left()
         return replace(left, max_iterations=min(left.max_iterations, most), retries=0)
+
+    def _from_other_frames(self) -> Options:
+        """The options of an attempt on all frames that starts from a motion on other frames."""
+        return replace(self._attempt(), warm_start=True, trusting=False)
 
     def _count(self, done: Solution | Result) -> None:
         self._iterations += done.iterations

@@ -35,7 +35,7 @@ CHANGES = 12
 REFINEMENTS = 10
 """Solutions are refined so many times at most."""
 AGAINST_DEPENDENT_ROWS = 1
-"""The regularity with the one shift alone."""
+"""A value of ``regularity``: the diagonal is shifted against dependent rows, and not for the curvature."""
 
 
 class Projection:

@@ -148,8 +148,6 @@ def least_violation(
     outcome = optimise(elastic, start, mu, options, monitor, tactics=Tactics(budget=BUDGET))
     end = returned(form, it, elastic, outcome, options.feasibility_tolerance)
     own = it.w[: form.n].copy()
-    if (
-        end is None and form.violation(own, it.r) > SMALL_VIOLATION
-    ):  # which a search with the objective does not meet
-        end = End.STUCK
+    if end is None and form.violation(own, it.r) > SMALL_VIOLATION:
+        end = End.STUCK  # a search with the objective would not meet the rows either
     return end, Outcome(end or End.CONVERGED, form, own, it.y.copy(), outcome.error, it)
