@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stc.bundled import is_solution
-from stc.errors import Source, StcError, UsageError
+from stc.errors import StcError, UsageError
 from stc.solution import Solution, read
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.studies.equation_report import EquationReport
     from stc.validate.certificate import Certificate
+    from stc.validate.certificate.listing import Statement
     from stc.validate.metrics import Metric
 
 SAFETY = 0.5
@@ -81,20 +82,35 @@ def certify(
         compared, why = _equations(solution, certificate.replays.setup.path)
         certificate.equations = compared
         certificate.refused = why
-    certificate.source = _written_out(solution)
+    certificate.statements = statements_of(solution)
     if not certificate.passed:
         certificate.more_frames = _more_frames(solution, certificate.metrics)
     return certificate
 
 
-def _written_out(solution: Solution) -> Source | None:
-    """The text of a spec with its repetitions written out; None if it cannot be parsed."""
+def statements_of(solution: Solution) -> list[Statement]:
+    """The statements that the text of a spec contains, without those that a model or a contact adds; none if the text
+    cannot be parsed.
+    """
+    from stc.language.syntax import Node, statement_text
+    from stc.problem import ParameterRef, VariableRef
     from stc.restated import problem_of
+    from stc.symbolic.expr import symbols
+    from stc.validate.certificate.listing import Statement
 
     try:
-        return problem_of(solution).source
+        problem = problem_of(solution)
     except StcError:
-        return None
+        return []
+    found: dict[Statement, None] = {}
+    for one in problem.relations:
+        span = one.span
+        written = one.coordinate or statement_text(span.source, Node(span.start, span.end)) == one.text
+        if written and not (one.coordinate and problem.of_model):
+            names = [str(key) for key in symbols(one.body) if isinstance(key, VariableRef | ParameterRef)]
+            frames = one.range.first, one.range.last
+            found[Statement(span.line, one.text, frames, frozenset(names), one.is_equality)] = None
+    return list(found)
 
 
 def _obeys(certificate: Certificate) -> bool:
