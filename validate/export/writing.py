@@ -1,4 +1,4 @@
-"""The text of a model of which there is none: one read from a URDF, or with parts that are added, repeated or attached.
+"""The text of a model as MuJoCo compiles it, with the numbers that a spec sets.
 
 MuJoCo's writer keeps six digits.  Numbers that shape the motion are put back with all of them, from the compiled model;
 elements of the text come in the order of the model's.
@@ -65,7 +65,8 @@ def written(description: mujoco.MjSpec, model: mujoco.MjModel) -> ET.Element:
     option = root.find("option")
     if option is None:
         option = ET.SubElement(root, "option")
-    option.set("gravity", text(model.opt.gravity))
+    for name in ("gravity", "wind", "density", "viscosity", "impratio"):
+        option.set(name, text(getattr(model.opt, name)))
     world = root.find("worldbody")
     if world is not None:
         _without_frames(world)
@@ -140,6 +141,9 @@ def _set_body(element: ET.Element, model: mujoco.MjModel, body: int) -> None:
             _put(child, model, _OF_JOINT, joint)
             _put(child, model, _OF_DOF, int(model.jnt_dofadr[joint]))
             _put(child, model, _OF_COORDINATE, int(model.jnt_qposadr[joint]))
+            if model.jnt_limited[joint]:
+                child.set("limited", "true")
+                child.set("range", text(model.jnt_range[joint]))
     for geom, child in enumerate(element.findall("geom"), int(model.body_geomadr[body])):
         _put(child, model, _OF_GEOM, geom)
         if int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH):
@@ -180,12 +184,14 @@ def set_inertia(element: ET.Element, model: mujoco.MjModel, body: int) -> None:
 
 
 def _put(element: ET.Element, model: mujoco.MjModel, fields: dict[str, str], index: int) -> None:
-    """Replace the numbers of the attributes that a text has, and state those that are not zero in their place."""
+    """Replace the numbers of the attributes that a text has, and state others that a spec may set."""
     for name, field in fields.items():
         said: Sequence[str] = element.get(name, "").split()
         values = np.atleast_1d(getattr(model, field)[index])
         if said:
             kept = said[len(values) :]  # such as the higher terms of a damping
             element.set(name, " ".join([text(values[: len(said)]), *kept]))
-        elif name in _OF_DOF and values[0]:
+        elif (name in _OF_DOF or name == "stiffness") and values[0]:
+            element.set(name, text(values[:1]))
+        elif name in ("springref", "gear", "friction") or (name == "pos" and "fromto" not in element.attrib):
             element.set(name, text(values))
