@@ -27,7 +27,16 @@ _OF_JOINT = {
 }
 _OF_DOF = {"damping": "dof_damping", "armature": "dof_armature", "frictionloss": "dof_frictionloss"}
 _OF_COORDINATE = {"ref": "qpos0", "springref": "qpos_spring"}
-_OF_GEOM = {"pos": "geom_pos", "quat": "geom_quat", "size": "geom_size", "friction": "geom_friction"}
+_OF_GEOM = {
+    "pos": "geom_pos",
+    "quat": "geom_quat",
+    "size": "geom_size",
+    "friction": "geom_friction",
+    "solref": "geom_solref",
+    "solimp": "geom_solimp",
+}
+_OF_PAIR = {"solref": "pair_solref", "solimp": "pair_solimp"}
+_OF_CONSTRAINT = {"solref": "eq_solref", "solimp": "eq_solimp"}
 _OF_SITE = {"pos": "site_pos", "quat": "site_quat", "size": "site_size"}
 _OF_CAMERA = {"pos": "cam_pos", "quat": "cam_quat"}
 _OF_LIGHT = {"pos": "light_pos", "dir": "light_dir"}
@@ -48,6 +57,8 @@ _OF_TENDON = {
     "armature": "tendon_armature",
     "frictionloss": "tendon_frictionloss",
 }
+#: The stiffness of contacts and equalities where nothing else is said.
+_USUAL = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
 #: Attributes, and which numbers of an equality they are.
 _OF_EQUALITY = (("polycoef", 0, 5), ("anchor", 0, 3), ("relpose", 3, 10))
 
@@ -79,7 +90,11 @@ def written(description: mujoco.MjSpec, model: mujoco.MjModel) -> ET.Element:
         for wrap, step in enumerate(element, int(model.tendon_adr[index])):
             if step.tag == "joint":
                 step.set("coef", text(model.wrap_prm[wrap]))
+    pairs = [element for element in _in_section(root, "contact") if element.tag == "pair"]
+    for index, element in enumerate(pairs):
+        _put(element, model, _OF_PAIR, index)
     for index, element in enumerate(_in_section(root, "equality")):
+        _put(element, model, _OF_CONSTRAINT, index)
         for name, first, last in _OF_EQUALITY:
             if name in element.attrib:
                 element.set(name, text(model.eq_data[index, first:last]))
@@ -194,4 +209,6 @@ def _put(element: ET.Element, model: mujoco.MjModel, fields: dict[str, str], ind
         elif (name in _OF_DOF or name == "stiffness") and values[0]:
             element.set(name, text(values[:1]))
         elif name in ("springref", "gear", "friction") or (name == "pos" and "fromto" not in element.attrib):
+            element.set(name, text(values))
+        elif name in _USUAL and not np.array_equal(values, _USUAL[name]):
             element.set(name, text(values))
