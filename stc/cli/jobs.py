@@ -379,12 +379,12 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         outcome = ending.outcome = replace(
             outcome,
             uncertainty=reasons.find_uncertainty(model, solution),
-            grid=reasons.find_grid_error(solution),
-            ringing=reasons.find_ringing(solution),
-            complementarity=reasons.find_complementarity(solution),
+            **reasons.find_remarks(solution),
         )
         if options.explain:
-            return replace(outcome, explanation=reasons.find_explanation(model, solution))
+            from stc.studies.explain import explain
+
+            return replace(outcome, explanation=explain(model, solution))
     return outcome
 
 

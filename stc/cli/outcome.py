@@ -110,7 +110,7 @@ class Outcome:
         for told in self.solution.outside:
             console.note(told)
         if self.blame is not None:
-            reasons.show_blame(self.blame)
+            print(self.blame)
         if self.explanation is not None:
             reasons.show_explanation(self.explanation)
         if self.profile:
