@@ -21,14 +21,6 @@ def blamed(spec: str, **options: object) -> Blame:
     return found
 
 
-def conflict_of(spec: str) -> set[str]:
-    """The statements of a conflict, by their text."""
-    found = blamed(spec)
-    assert found.minimal, found.summary
-    assert all(one.kind == "conflict" for one in found.culprits)
-    return {one.statement for one in found.culprits}
-
-
 # ------------------------------------------------------------- conflicts
 
 
