@@ -242,16 +242,18 @@ class Stance:
 
     # --------------------------------------------------------------------- poses
 
-    def _inside(self, room: float) -> dict[int, float]:
-        """Joints that are outside of their range or close to its end in the pose, and a value inside."""
+    def _inside(self, room: float, margin: float = _INSIDE) -> dict[int, float]:
+        """Joints that are outside of their range or close to its end in the pose, and a value inside, which is a share
+        of the range from that end.
+        """
         found = {}
         for index, joint in enumerate(self.mechanism.joints):
             if joint.limited and joint.kind in ("hinge", "slide"):
                 lower, upper = joint.bounds
                 value, spare = self.start[joint.qpos], room * (upper - lower)
                 if not lower + spare <= value <= upper - spare:
-                    margin = _INSIDE * (upper - lower)
-                    found[index] = float(np.clip(value, lower + margin, upper - margin))
+                    inset = margin * (upper - lower)
+                    found[index] = float(np.clip(value, lower + inset, upper - inset))
         return found
 
     def changes(self, q: Matrix | None = None) -> list[tuple[str, float]]:
@@ -269,10 +271,12 @@ class Stance:
             if joint.kind in ("hinge", "slide") and abs(q[joint.qpos] - self.drawn[joint.qpos]) > _SAME
         ]
 
-    def bent(self) -> Matrix:
-        """The pose with joints at an end of their range moved inside, since straight legs are singular."""
+    def bent(self, share: float = _INSIDE) -> Matrix:
+        """The pose with joints at an end of their range moved inside by a share of it, since straight legs are
+        singular.
+        """
         q = self.start.copy()
-        for index, value in self._inside(_AT_END).items():
+        for index, value in self._inside(_AT_END, share).items():
             q[self.mechanism.joints[index].qpos] = value
         return q
 

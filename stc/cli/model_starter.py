@@ -270,10 +270,16 @@ class _Pages:
         """Pages on which the model stands, or holds its pose."""
         stance, mechanism, inside = self.stance, self.mechanism, self.stance.changes()
         if not self.travels:
-            yield self._standing("holds a pose with the least effort", [], inside)
+            # What is loose is held by nothing.  A servo pushes a joint at the end of its range one way only, and the
+            # harder, the farther from there the joint is.
+            tries = (stance.start, stance.bent(), stance.bent(0.5))
+            poses = [q for q in tries if self.held or stance.holds(q, [])][:1]
+            for q in poses:
+                yield self._standing("holds a pose with the least effort", [], stance.changes(q))
             if self.held:  # what falls may fall on something
                 yield self._page("holds a pose with the least effort", 0.1)
-            elif any(each.active for each in mechanism.equalities):  # which the pose in the file may not fit
+            elif any(each.active for each in mechanism.equalities) or (mechanism.actuators and not poses):
+                # The pose in the file may not fit what ties its parts, or be more than its motors can hold.
                 yield self._page("holds a pose that takes the least effort", pinned=False)
         elif mechanism.actuators and "contact" not in mechanism.options.disabled:
             # A chassis that carries wheels may stand on them alone, or on a caster as well.
@@ -403,13 +409,15 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     lines += ["", "replay:", *settings] if settings else []
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
-    if page.pinned and page.ends:
+    if page.ends:
         weight = _GRAVITY * sum(body.mass for body in mechanism.bodies)
-        creeps = not page.feet and any(joint.frictionloss for joint in mechanism.joints)
-        still = ((_STILLNESS_AGAINST_CREEP if creeps else _STILLNESS) * weight) ** 2
+        rubs = any(joint.frictionloss for joint in mechanism.joints)
+        still = ((_STILLNESS_AGAINST_CREEP if rubs and not page.feet else _STILLNESS) * weight) ** 2
         each = f"for j in {', '.join(page.held)}: " if page.held else ""
         joint = "{j}" if page.held else "joint.*"
-        lines += [f"  {each}[0, n]: integral({still:.1g}*{joint}'^2);      # and with little movement"]
+        # Dry friction depends on the acceleration, too, which may else alternate between frames and middles of steps.
+        moves = f"({joint}'^2 + h^2*{joint}''^2)" if rubs else f"{joint}'^2"
+        lines += [f"  {each}[0, n]: integral({still:.1g}*{moves});      # and with little movement"]
     return "\n".join(lines) + "\n"
 
 
