@@ -79,7 +79,6 @@ class SmoothDynamics:
         mujoco.mj_inverse(self.model, self.data)
         return np.array(self.data.qfrc_inverse)
 
-
     def decay(self) -> float:
         """The highest rate, 1/s, at which dampers and actuators slow the model in the present state, under its
         present controls; from differences of their forces, which are linear in the velocities or nearly so.

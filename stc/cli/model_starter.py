@@ -247,7 +247,10 @@ class _Pages:
         self.mechanism, self.pose = mechanism, pose
         loose = objects(mechanism)
         self.stance = Stance(mechanism, q, loose)
-        self.held = _held(mechanism, loose)
+        self.driven = self.stance.driven()
+        self.held = self.driven if any(joint.body in loose for joint in mechanism.joints) else []
+        # No stop of a range takes part in a page, so that what moves by itself begins inside of it.
+        self.within = self.stance.changes(self.stance.bent())
         self.travels = _travels(mechanism, loose)
         things = Stance(mechanism, q, frozenset(range(len(mechanism.bodies))) - loose)
         self.lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
@@ -257,8 +260,8 @@ class _Pages:
 
     def _page(self, title: str, seconds: float = 0.5, **more: Any) -> _Page:
         seconds = seconds if seconds < self.most else float(f"{self.most:.1g}")
-        more = {"changes": self.stance.changes(), **more}
-        return _Page(title, self.pose, seconds, held=self.held, **more)
+        more = {"changes": self.stance.changes(), "held": self.held, **more}
+        return _Page(title, self.pose, seconds, **more)
 
     def _standing(self, title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
         spots = [*spots, *self.lying]
@@ -277,10 +280,13 @@ class _Pages:
             for q in poses:
                 yield self._standing("holds a pose with the least effort", [], stance.changes(q))
             if self.held:  # what falls may fall on something
-                yield self._page("holds a pose with the least effort", 0.1)
+                yield self._page("holds a pose with the least effort", 0.1, changes=self.within)
             elif any(each.active for each in mechanism.equalities) or (mechanism.actuators and not poses):
                 # The pose in the file may not fit what ties its parts, or be more than its motors can hold.
                 yield self._page("holds a pose that takes the least effort", pinned=False)
+            if not poses and self.driven:
+                title = "holds the joints that its motors move"
+                yield self._page(title, 0.1, changes=self.within, held=self.driven)
         elif mechanism.actuators and "contact" not in mechanism.options.disabled:
             # A chassis that carries wheels may stand on them alone, or on a caster as well.
             for whole in (False, True):
@@ -311,19 +317,9 @@ class _Pages:
         """Pages on which the model is left to itself for a moment."""
         title = "is let go, and moves with the least effort"
         if self.travels:
-            yield self._page(title, 0.2, ends=False, raised=round(0.5 - min(0.0, self.stance.height()), 2))
-        yield self._page(title, 0.05, ends=False)
-
-
-def _held(mechanism: Mechanism, loose: Container[int]) -> Sequence[str]:
-    """The paths of hinges and slides that are to be held where other joints are of objects; none elsewhere."""
-    if not any(joint.body in loose for joint in mechanism.joints):
-        return []
-    return [
-        path_of("joint", joint.name)
-        for joint in mechanism.joints
-        if joint.kind in ("hinge", "slide") and joint.body not in loose
-    ]
+            up = round(0.5 - min(0.0, self.stance.height()), 2)
+            yield self._page(title, 0.2, changes=self.within, ends=False, raised=up)
+        yield self._page(title, 0.05, changes=self.within, ends=False)
 
 
 def _travels(mechanism: Mechanism, loose: Container[int]) -> bool:
