@@ -247,7 +247,10 @@ class _Pages:
         self.mechanism, self.pose = mechanism, pose
         loose = objects(mechanism)
         self.stance = Stance(mechanism, q, loose)
-        self.held = _held(mechanism, loose)
+        self.driven = self.stance.driven()
+        self.held = self.driven if any(joint.body in loose for joint in mechanism.joints) else []
+        # No stop of a range takes part in a page, so that what moves by itself begins inside of it.
+        self.within = self.stance.changes(self.stance.bent())
         self.travels = _travels(mechanism, loose)
         things = Stance(mechanism, q, frozenset(range(len(mechanism.bodies))) - loose)
         self.lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
@@ -257,8 +260,8 @@ class _Pages:
 
     def _page(self, title: str, seconds: float = 0.5, **more: Any) -> _Page:
         seconds = seconds if seconds < self.most else float(f"{self.most:.1g}")
-        more = {"changes": self.stance.changes(), **more}
-        return _Page(title, self.pose, seconds, held=self.held, **more)
+        more = {"changes": self.stance.changes(), "held": self.held, **more}
+        return _Page(title, self.pose, seconds, **more)
 
     def _standing(self, title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
         spots = [*spots, *self.lying]
@@ -270,11 +273,20 @@ class _Pages:
         """Pages on which the model stands, or holds its pose."""
         stance, mechanism, inside = self.stance, self.mechanism, self.stance.changes()
         if not self.travels:
-            yield self._standing("holds a pose with the least effort", [], inside)
+            # What is loose is held by nothing.  A servo pushes a joint at the end of its range one way only, and the
+            # harder, the farther from there the joint is.
+            tries = (stance.start, stance.bent(), stance.bent(0.5))
+            poses = [q for q in tries if self.held or stance.holds(q, [])][:1]
+            for q in poses:
+                yield self._standing("holds a pose with the least effort", [], stance.changes(q))
             if self.held:  # what falls may fall on something
-                yield self._page("holds a pose with the least effort", 0.1)
-            elif any(each.active for each in mechanism.equalities):  # which the pose in the file may not fit
+                yield self._page("holds a pose with the least effort", 0.1, changes=self.within)
+            elif any(each.active for each in mechanism.equalities) or (mechanism.actuators and not poses):
+                # The pose in the file may not fit what ties its parts, or be more than its motors can hold.
                 yield self._page("holds a pose that takes the least effort", pinned=False)
+            if not poses and self.driven:
+                title = "holds the joints that its motors move"
+                yield self._page(title, 0.1, changes=self.within, held=self.driven)
         elif mechanism.actuators and "contact" not in mechanism.options.disabled:
             # A chassis that carries wheels may stand on them alone, or on a caster as well.
             for whole in (False, True):
@@ -305,19 +317,9 @@ class _Pages:
         """Pages on which the model is left to itself for a moment."""
         title = "is let go, and moves with the least effort"
         if self.travels:
-            yield self._page(title, 0.2, ends=False, raised=round(0.5 - min(0.0, self.stance.height()), 2))
-        yield self._page(title, 0.05, ends=False)
-
-
-def _held(mechanism: Mechanism, loose: Container[int]) -> Sequence[str]:
-    """The paths of hinges and slides that are to be held where other joints are of objects; none elsewhere."""
-    if not any(joint.body in loose for joint in mechanism.joints):
-        return []
-    return [
-        path_of("joint", joint.name)
-        for joint in mechanism.joints
-        if joint.kind in ("hinge", "slide") and joint.body not in loose
-    ]
+            up = round(0.5 - min(0.0, self.stance.height()), 2)
+            yield self._page(title, 0.2, changes=self.within, ends=False, raised=up)
+        yield self._page(title, 0.05, changes=self.within, ends=False)
 
 
 def _travels(mechanism: Mechanism, loose: Container[int]) -> bool:
@@ -403,13 +405,15 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     lines += ["", "replay:", *settings] if settings else []
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
-    if page.pinned and page.ends:
+    if page.ends:
         weight = _GRAVITY * sum(body.mass for body in mechanism.bodies)
-        creeps = not page.feet and any(joint.frictionloss for joint in mechanism.joints)
-        still = ((_STILLNESS_AGAINST_CREEP if creeps else _STILLNESS) * weight) ** 2
+        rubs = any(joint.frictionloss for joint in mechanism.joints)
+        still = ((_STILLNESS_AGAINST_CREEP if rubs and not page.feet else _STILLNESS) * weight) ** 2
         each = f"for j in {', '.join(page.held)}: " if page.held else ""
         joint = "{j}" if page.held else "joint.*"
-        lines += [f"  {each}[0, n]: integral({still:.1g}*{joint}'^2);      # and with little movement"]
+        # Dry friction depends on the acceleration, too, which may else alternate between frames and middles of steps.
+        moves = f"({joint}'^2 + h^2*{joint}''^2)" if rubs else f"{joint}'^2"
+        lines += [f"  {each}[0, n]: integral({still:.1g}*{moves});      # and with little movement"]
     return "\n".join(lines) + "\n"
 
 
