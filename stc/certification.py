@@ -98,7 +98,7 @@ def _written_out(solution: Solution) -> Source | None:
 
 
 def _tells_of_equations(certificate: Certificate) -> bool:
-    """Whether the motion itself shows that the spec's equations of motion are the model's, or failed for another reason.
+    """Whether the motion shows that the spec's equations of motion are the model's, or failed for another reason.
 
     It says nothing of the force of a motor that never pulls, such as one that the equations leave out.
     """
