@@ -47,8 +47,8 @@ def certify(
     force : bool
         Whether to judge a solution that is not optimal.
     equations : bool | None
-        Whether to compare the spec's equations of motion with the model's; None compares them if
-        the motion fails and the solved forces do not give its accelerations, to name the joint and the term.
+        Whether to compare the spec's equations of motion with the model's; None compares them, to name the joint and
+        the term, if the motion fails and the solved forces do not give its accelerations, or if a motor never pulls.
     further : Sequence[Metric]
         Additional measurements for the certificate, such as the observed order of convergence.
 
@@ -78,7 +78,7 @@ def certify(
     # The file and not the solution is handed on: the model may lie beside it.
     statements = statements_between(solution)
     certificate = validated(motion, model, force=force, statements=statements, further=further)
-    if equations or (equations is None and not certificate.passed and not _obeys(certificate)):
+    if equations or (equations is None and not _tells_of_equations(certificate)):
         compared, why = _equations(solution, certificate.replays.setup.path)
         certificate.equations = compared
         certificate.refused = why
@@ -113,10 +113,18 @@ def statements_of(solution: Solution) -> list[Statement]:
     return list(found)
 
 
-def _obeys(certificate: Certificate) -> bool:
-    """Whether the motion satisfies the model's equations of motion, so that they are not the cause of a failure."""
-    verdicts = {m.verdict for m in certificate.metrics if m.name == "inverse-dynamics residual"}
-    return verdicts == {"pass"}
+def _tells_of_equations(certificate: Certificate) -> bool:
+    """Whether the motion shows that the spec's equations of motion are the model's, or failed for another reason.
+
+    It says nothing of the force of a motor that never pulls, such as one that the equations leave out.
+    """
+    from stc.validate.limits import INVERSE_DYNAMICS
+
+    names = ("inverse-dynamics residual", "residual between frames")
+    obeys = {m.verdict for m in certificate.metrics if m.name in names} == {"pass"}
+    most = [float(abs(channel.before).max()) for channel in certificate.replays.setup.controls.channels]
+    idle = min(most, default=1.0) <= INVERSE_DYNAMICS * max(most, default=0.0)
+    return (certificate.passed or obeys) and not idle
 
 
 def motion_of(motion: Solution | str | os.PathLike[str]) -> Solution | str | os.PathLike[str]:
