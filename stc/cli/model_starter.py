@@ -406,10 +406,14 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     if page.pinned and page.ends:
         weight = _GRAVITY * sum(body.mass for body in mechanism.bodies)
         creeps = not page.feet and any(joint.frictionloss for joint in mechanism.joints)
-        still = ((_STILLNESS_AGAINST_CREEP if creeps else _STILLNESS) * weight) ** 2
+        torque = float(f"{(_STILLNESS_AGAINST_CREEP if creeps else _STILLNESS) * weight:.1g}")
+        why = "; so much, lest dry friction lets it creep" if creeps else ""
         each = f"for j in {', '.join(page.held)}: " if page.held else ""
         joint = "{j}" if page.held else "joint.*"
-        lines += [f"  {each}[0, n]: integral({still:.1g}*{joint}'^2);      # and with little movement"]
+        lines += [
+            f"  # and with little movement: 1 rad/s (or 1 m/s) of a joint costs as much as {torque:g} N m (or N){why}",
+            f"  {each}[0, n]: integral(({torque:g}*{joint}')^2);",
+        ]
     return "\n".join(lines) + "\n"
 
 
