@@ -27,7 +27,10 @@ _PARTS = ("value", "rate", "acceleration")
 
 
 def columns(facts: dict[str, Any]) -> list[tuple[str, None]]:
-    """The places of the columns of a table, after the kind of node; None says that both sides stand in full."""
+    """For each column of the nodes' table, the place of its values in a file of the first format.
+
+    The second entry is None: such a file states the values on both sides of every jump.
+    """
     places = ["time"]
     places += [f"trajectory/{name}{chr(39) * order}" for name, order in facts["trajectories"]]
     places += [f"replay/{k}/{part}" for k, line in enumerate(facts["replay"]) for part in line["parts"]]

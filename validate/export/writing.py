@@ -180,7 +180,11 @@ def set_inertia(element: ET.Element, model: mujoco.MjModel, body: int) -> None:
 
 
 def _put(element: ET.Element, model: mujoco.MjModel, fields: dict[str, str], index: int) -> None:
-    """Replace the numbers of the attributes that a text has, and state those that are not zero in their place."""
+    """Write the numbers of a compiled model into the attributes of an element, so that its file states them.
+
+    ``fields`` has the field of the model for each attribute.  An attribute that the element lacks is only added if it
+    belongs to joints and is not zero.
+    """
     for name, field in fields.items():
         said: Sequence[str] = element.get(name, "").split()
         values = np.atleast_1d(getattr(model, field)[index])
