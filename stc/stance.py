@@ -418,7 +418,11 @@ class Stance:
         return q, before
 
     def _off(self, q: Matrix, spots: Sequence[Spot]) -> Matrix:
-        """(spots + 2, k) the heights of the points and the distance of the centre of mass from their middle, in m."""
+        """How far k poses are from standing on given points, (spots + 2, k), in m.
+
+        The first rows are the heights of the points less their mean, the last two the horizontal vector from the middle
+        of the points to the centre of mass; all are 0 for a pose that stands.
+        """
         places, centre = self.seen(q, spots)
         heights = np.einsum("i,isk->sk", self.up, places)
         beside = self._flat(centre) - np.array([self._flat(p) for p in np.moveaxis(places, 1, 0)]).mean(

@@ -286,7 +286,7 @@ def test_the_front_pages_table_is_what_its_script_writes(monkeypatch: pytest.Mon
         return cells.splitlines()
 
     assert without_digits(part) == without_digits(front.table(figures))
-    assert "1.2e-5; 3.4e-5 rad; 0.56 % (0.078 %)" in front.table(figures)
+    assert "| 1.2e-5 | 3.4e-5 | 0.56 % (0.078 %) |" in front.table(figures)
 
 
 def test_the_base_is_told_as_a_share_of_its_way_everywhere() -> None:

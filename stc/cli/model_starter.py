@@ -408,12 +408,17 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     if page.ends:
         weight = _GRAVITY * sum(body.mass for body in mechanism.bodies)
         rubs = any(joint.frictionloss for joint in mechanism.joints)
-        still = ((_STILLNESS_AGAINST_CREEP if rubs and not page.feet else _STILLNESS) * weight) ** 2
+        creeps = rubs and not page.feet
+        torque = float(f"{(_STILLNESS_AGAINST_CREEP if creeps else _STILLNESS) * weight:.1g}")
+        why = "; so much, lest dry friction lets it creep" if creeps else ""
         each = f"for j in {', '.join(page.held)}: " if page.held else ""
         joint = "{j}" if page.held else "joint.*"
         # Dry friction depends on the acceleration, too, which may else alternate between frames and middles of steps.
-        moves = f"({joint}'^2 + h^2*{joint}''^2)" if rubs else f"{joint}'^2"
-        lines += [f"  {each}[0, n]: integral({still:.1g}*{moves});      # and with little movement"]
+        moves = f"({torque:g}*{joint}')^2" + (f" + ({torque:g}*h*{joint}'')^2" if rubs else "")
+        lines += [
+            f"  # and with little movement: 1 rad/s (or 1 m/s) of a joint costs as much as {torque:g} N m (or N){why}",
+            f"  {each}[0, n]: integral({moves});",
+        ]
     return "\n".join(lines) + "\n"
 
 

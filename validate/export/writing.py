@@ -199,7 +199,11 @@ def set_inertia(element: ET.Element, model: mujoco.MjModel, body: int) -> None:
 
 
 def _put(element: ET.Element, model: mujoco.MjModel, fields: dict[str, str], index: int) -> None:
-    """Replace the numbers of the attributes that a text has, and state others that a spec may set."""
+    """Write the numbers of a compiled model into the attributes of an element, so that its file states them.
+
+    ``fields`` has the field of the model for each attribute.  An attribute that the element lacks is added where a spec
+    may set its value and the value is not the one that MuJoCo takes without it.
+    """
     for name, field in fields.items():
         said: Sequence[str] = element.get(name, "").split()
         values = np.atleast_1d(getattr(model, field)[index])
