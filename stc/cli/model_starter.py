@@ -249,8 +249,8 @@ class _Pages:
         self.stance = Stance(mechanism, q, loose)
         self.driven = self.stance.driven()
         self.held = self.driven if any(joint.body in loose for joint in mechanism.joints) else []
-        # No stop of a range takes part in a page, so that what moves by itself begins inside of it.
-        self.within = self.stance.changes(self.stance.bent())
+        # No stop of a range takes part in a page, so that what moves by itself begins far from it.
+        self.within = self.stance.changes(self.stance.bent(0.5))
         self.travels = _travels(mechanism, loose)
         things = Stance(mechanism, q, frozenset(range(len(mechanism.bodies))) - loose)
         self.lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
@@ -286,7 +286,7 @@ class _Pages:
                 yield self._page("holds a pose that takes the least effort", pinned=False)
             if not poses and self.driven:
                 title = "holds the joints that its motors move"
-                yield self._page(title, 0.1, changes=self.within, held=self.driven)
+                yield self._page(title, 0.05, changes=self.within, held=self.driven)
         elif mechanism.actuators and "contact" not in mechanism.options.disabled:
             # A chassis that carries wheels may stand on them alone, or on a caster as well.
             for whole in (False, True):
