@@ -163,6 +163,33 @@ def test_a_hop_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
     assert not failed
 
 
+@pytest.mark.nightly
+def test_a_foot_that_begins_lower_than_its_clearance_has_a_schedule(tmp_path: Path) -> None:
+    """Half way through a flight a foot clears the floor by `clearance`, and here the pose given there by 4 mm."""
+    rough = load(tmp_path, HOPPER, HOP.replace("0, 0.05)", "0, 0.004)")).solve()
+    assert rough.status == "optimal"
+    write_schedule(rough, tmp_path / "scheduled.stc")
+    assert stc.load(tmp_path / "scheduled.stc").solve().status == "optimal"
+
+
+@pytest.mark.nightly
+def test_a_quadruped_hops_on_feet_that_nobody_schedules(tmp_path: Path) -> None:
+    """The page of the README with its feet under `free:`."""
+    feet = ("FL", "FR", "RL", "RR")
+    contacts = "".join(f"{foot} = point(geom.{foot}_foot), friction = 0.7; " for foot in feet)
+    (tmp_path / "hop.stc").write_text(
+        f"""constants: n = 60, T = 0.8, h = T/n, D = 0.5;
+model: "quadruped.xml";
+contact: {contacts} free: {"; ".join(feet)};
+constraints: [0]: keyframe.stand; rest; [n]: keyframe.stand + (D, 0, 0); rest;
+objective: [0, n]: integral(effort);
+"""
+    )
+    rough = stc.load(tmp_path / "hop.stc").solve(max_iterations=1000)
+    assert rough.status == "optimal"
+    assert all(found_ranges(rough).values())
+
+
 def test_the_rows_are_among_the_statements(tmp_path: Path) -> None:
     problem = load(tmp_path, HOPPER, HOP).problem()
     texts = [relation.text for relation in problem.relations]
