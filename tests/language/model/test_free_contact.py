@@ -245,6 +245,11 @@ def test_mistakes_are_told_of(tmp_path: Path, written: str) -> None:
         load(tmp_path, HOPPER, HOP.replace("free: foot;", written)).problem()
 
 
+def test_a_pose_below_the_surface_is_told_of(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="`foot` is 0.05 m below the floor in this pose"):
+        load(tmp_path, HOPPER, HOP.replace("(0, 0, 0.05)", "(0, 0, -0.05)")).problem()
+
+
 def test_contacts_of_a_lagrangian_cannot_be_free() -> None:
     spec = """constants: n = 10; variables: x, z; lagrangian: x'^2 + z'^2 - z;
       contact: p = point(x, z), friction = 1; free: p;"""
