@@ -246,7 +246,7 @@ def test_mistakes_are_told_of(tmp_path: Path, written: str) -> None:
 
 
 def test_a_pose_below_the_surface_is_told_of(tmp_path: Path) -> None:
-    with pytest.raises(SpecError, match="`foot` is 0.05 m below the floor in this pose"):
+    with pytest.raises(SpecError, match=r"`foot` is 0\.05 m below the floor in this pose"):
         load(tmp_path, HOPPER, HOP.replace("(0, 0, 0.05)", "(0, 0, -0.05)")).problem()
 
 
