@@ -160,7 +160,8 @@ def _text(solution: Solution, ranges: Mapping[str, Sequence[Range]], table: str)
         end = text.find(";", end) + 1 or end
         text = text[: block.start] + "\n  ".join(lines) + text[end:]
     name = _unused(STEPS, text)
-    return f'{text.rstrip()}\n\n# what was found in time steps\ndata: {name} = "{table}";\nguess: {name};\n'
+    head = f"# {solution.name}, with the contacts that were found in time steps as ranges of frames.\n#\n"
+    return f'{head}{text.rstrip()}\n\n# what was found in time steps\ndata: {name} = "{table}";\nguess: {name};\n'
 
 
 def _low_ends(solution: Solution, ranges: Mapping[str, Sequence[Range]]) -> dict[str, float]:
