@@ -435,6 +435,15 @@ class Standing:
                     hint = f"let it stand at another frame, or write `{pinned.statement.base.name} grounded`"
                     self.context.error(pinned.statement, message, hint)
 
+        for contact in self.contacts.free():
+            assert contact.free is not None
+            surface = contact.free.surface
+            off = float(point.numbers(list(self.contacts.heights_above(contact, surface))).min())
+            if off < -OFF_SURFACE:
+                message = f"`{contact.name}` is {-off:.4g} m below the {surface.name} in this pose"
+                hint = "what is free stays above its surface, a plane without edges: it cannot come from beside a step"
+                self.context.error(pinned.statement, message, hint)
+
     def _check_held(self, one: Holding, frame: int, statement: syntax.Pose) -> None:
         """Check that a fixed pose agrees with the places of held constraints."""
         begin, point = self.pinned.get(one.frames.first), self._at(frame)
