@@ -29,6 +29,10 @@ def warn(
         _uncoupled(orders, first_use, diagnostics)
     _idle_jumps(problem, orders, diagnostics)
     _degrees(problem, diagnostics)
+    pull, place = problem.constants.get("option.gravity.z", 0.0), problem.model_span
+    if problem.of_model and pull > 0.0 and place is not None:
+        hint = "z is up, and the gravity of the earth is -9.81: is a minus missing?"
+        diagnostics.warning(f"gravity pulls upwards, by {pull:g} m/s^2", place.start, place.end, hint)
 
 
 def derivative_orders(problem: Problem) -> dict[str, dict[int, Place]]:
