@@ -183,7 +183,8 @@ class Ending:
             if found is None:
                 return ended(status)
             unsaved = "" if self._file is None else keep_solution(found.solution, self._file)
-            outcome = Outcome(found.solution, None if unsaved else self._file, found=found, unsaved=unsaved)
+            kept = None if unsaved else self._file
+            outcome = Outcome(found.solution, kept, found=found, unsaved=unsaved, brief=True)
         guard.settle()
         if self._as_json:
             record.write({**outcome.record(), "status": status})

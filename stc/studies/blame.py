@@ -17,6 +17,7 @@ from stc.language.syntax import Node, statement_text
 from stc.problem import ConstantRef, ParameterRef
 from stc.records import dataclass, field
 from stc.solver.convexity import is_convex
+from stc.solver.status import STILL_FALLING
 from stc.studies.conflict import Conflict, find_conflict
 from stc.studies.relaxation import Relaxation, needed_relaxation
 from stc.studies.standouts import dependent_rows, largest_residuals, undefined_nearby
@@ -239,11 +240,13 @@ class _Search:
         if self.solution.status == "infeasible":
             parts.insert(0, "no minimal set of conflicting statements was found in time")
         if not parts and self.solution.violation <= _MET:
-            return Blame(
-                "",
-                f"All statements hold where the solve ended, to {self.solution.violation:.0e}; only the objective may "
-                "become smaller. A solve that goes on from there often ends optimal: --warm-start FILE.",
-            )
+            held = f"All statements hold where the solve ended, to {self.solution.violation:.0e};"
+            further = "only the objective may become smaller."
+            if (
+                STILL_FALLING.split("{")[0] not in self.solution.message
+            ):  # which says that it may have no least value
+                further += " A solve that goes on from there often ends optimal: --warm-start FILE."
+            return Blame("", f"{held} {further}")
         if not parts:
             return Blame("", "No statement stands out where the solve ended.")
         summary = "; ".join(parts)

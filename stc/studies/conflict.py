@@ -36,7 +36,7 @@ CLOSE = 1e-4
 QUICK_ITERATIONS, ITERATIONS = 100, 500
 REVISIONS = 4
 """Number of sets of statements without a conflict after which the search ends."""
-TESTING, SHARES = 1.0, 4
+TESTING, SHARES = 1.0, 2
 """Share of the time limit that is added for testing the result; in a set that may not be minimal a statement's test
 takes at most one part in ``SHARES`` of what is left.
 """
@@ -183,11 +183,18 @@ def _find(
     deadline = search.deadline + TESTING * time_limit
     for _ in range(REVISIONS):
         found = _filtered(search, x, y)
-        if found is None or not found.relations:
+        decided = found is not None
+        if (
+            found is None
+        ):  # there was no time for the whole of them; for one change that is enough there may be
+            weight = _weights(bound, ownership, x, y)
+            ranked = sorted(ownership.relations, key=lambda k: (-weight.get(k, 0.0), k))
+            found = Conflict(tuple(ranked), False, x, y, search.solves)
+        if not found.relations:
             return found
         found = _tested(search, found, deadline)
         if found.lacks:
-            return found
+            return found if decided or any(found.lacks) else None
         # A point meets them all: from there it has to be another set that fails, or none does.
         search.starts.insert(0, search.feasible)
     return None
