@@ -137,13 +137,14 @@ def starter(name: str, path: Path, seconds: float | None = None) -> str:
             if fate == _LARGE and len(others) == 1:  # it had all of the time
                 return solved or _LARGE.format(seconds=most) + text
             note(f"tried: {Path(name).stem} {others[-1]}")
-            if fate not in (_UNSOLVED, _LARGE):
+            if fate != _LARGE and not fate.startswith(_UNSOLVED):
                 solved = (
                     solved or f"# The solve ends optimal, and the motion fails in MuJoCo: {fate}.\n{text}"
                 )
         if not others:
             others.append("holds a pose: none was found in which motors and ground carry it")
-    return solved or f"# Within {most:g} s of processor time it was not solved.\n{text}"
+    unsolved = f"# Within {most:g} s of processor time it was not solved.\n"
+    return solved or unsolved + _with_others(text, others[:-1])
 
 
 def _with_others(text: str, others: Sequence[str]) -> str:
@@ -216,8 +217,9 @@ def _tried(text: str, path: Path, seconds: float) -> str:
         if error.status == "interrupted":
             raise
         return _LARGE
-    except StcError:
-        return _UNSOLVED
+    except StcError as error:
+        # What stands in the way is worth more than its position in a page that is not kept.
+        return f"{_UNSOLVED}: {str(error).splitlines()[0].rpartition('error: ')[2]}"
     try:
         solution = model.solve(max_iterations=_ITERATIONS, callback=end)
         if solution.status != "optimal":

@@ -425,6 +425,20 @@ def test_a_starter_of_what_is_mounted_holds_what_its_motors_can(
     assert certify(stc.load("mine.stc").solve(), equations=False).passed
 
 
+def test_what_stands_in_the_way_of_a_page_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An arm without motors that a weld holds at a place out of its reach."""
+    monkeypatch.chdir(tmp_path)
+    Path("held.xml").write_text(
+        """<mujoco><worldbody><body name="hand" mocap="true" pos="2 0 1"/><body name="arm" pos="0 0 1"><joint name="a"
+        axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .5 0 0" size=".03"/></body></worldbody>
+        <equality><weld name="grip" body1="hand" body2="arm" relpose="0 0 0 1 0 0 0"/></equality></mujoco>"""
+    )
+    assert run(["new", "mine", "--model", "held.xml"]) == 0
+    assert "not solved: `equality grip` is 2 off its place in this pose" in capsys.readouterr().err
+
+
 def test_a_page_that_exists_is_not_written_over_nor_tried(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
