@@ -78,9 +78,8 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
             stands[end] |= all(recovery.channel(gap).before[end] < TOUCHES for gap in contact.gaps)
         stances[contact.name] = _stances(stands)
     landings = {first for some in stances.values() for first, _ in some}
-    for (
-        some
-    ) in stances.values():  # what leaves as another lands is pushed off by that, or hands its load over
+    for some in stances.values():
+        # What leaves as another lands is pushed off by that, or hands its load over.
         some[:] = [(first, last + (last + 1 in landings)) for first, last in some]
     found: dict[str, list[Range]] = {}
     for contact in contacts:

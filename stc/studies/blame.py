@@ -242,9 +242,8 @@ class _Search:
         if not parts and self.solution.violation <= _MET:
             held = f"All statements hold where the solve ended, to {self.solution.violation:.0e};"
             further = "only the objective may become smaller."
-            if (
-                STILL_FALLING.split("{")[0] not in self.solution.message
-            ):  # which says that it may have no least value
+            # A message that the objective still falls says that it may have no least value.
+            if STILL_FALLING.split("{")[0] not in self.solution.message:
                 further += " A solve that goes on from there often ends optimal: --warm-start FILE."
             return Blame("", f"{held} {further}")
         if not parts:

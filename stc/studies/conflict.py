@@ -184,9 +184,8 @@ def _find(
     for _ in range(REVISIONS):
         found = _filtered(search, x, y)
         decided = found is not None
-        if (
-            found is None
-        ):  # there was no time for the whole of them; for one change that is enough there may be
+        if found is None:
+            # There was no time to test all statements; there may be enough to find one change that suffices.
             weight = _weights(bound, ownership, x, y)
             ranked = sorted(ownership.relations, key=lambda k: (-weight.get(k, 0.0), k))
             found = Conflict(tuple(ranked), False, x, y, search.solves)
