@@ -6,11 +6,10 @@
     python -m bench peers --print          print the tables and leave the page as it is
     python -m bench peers cold --again     write the tables of the last run once more, without measuring
 
-Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``evaluator`` and ``lamp``
-(compiled kernels), ``tables`` (look-ups beside polynomials), ``mechanics`` (from a Lagrangian to compiled
-derivatives), ``scaling`` (growth with the frames), ``kkt`` (the linear systems alone, beside MUMPS), ``in_solve``
-(factorisations inside whole solves, beside MUMPS in IPOPT), ``threads`` (two threads beside one), ``variety`` (random
-motions of many kinds, beside IPOPT), ``many_frames`` (the same with many frames), ``robots`` (motions of whole
+Parts: ``peers`` (solves beside other tools), ``cold`` (process start to solution saved), ``lamp`` (compiled kernels),
+``tables`` (look-ups beside polynomials), ``mechanics`` (from a Lagrangian to compiled derivatives), ``scaling`` (growth
+with the frames), ``kkt`` (the linear systems alone, beside MUMPS), ``threads`` (two threads beside one), ``variety``
+(random motions of many kinds, beside IPOPT), ``many_frames`` (the same with many frames), ``robots`` (motions of whole
 robots, each as it is and perturbed).
 """
 
@@ -31,13 +30,11 @@ from bench.peers.task import Case
 
 #: The parts that are measured by scripts of their own, and which: one measures two.
 SCRIPTS = {
-    "evaluator": "evaluator",
     "lamp": "lamp",
     "tables": "tables",
     "mechanics": "mechanics",
     "scaling": "scaling",
     "kkt": "kkt",
-    "in_solve": "in_solve",
     "threads": "threads",
     "variety": "variety",
     "many_frames": "variety",
@@ -173,11 +170,9 @@ def cold(options: argparse.Namespace, rounds: int) -> None:
 def script(part: str, options: argparse.Namespace) -> None:
     """The scripts that stand alone print their own table."""
     arguments = {
-        "evaluator": ["--markdown", *(["--rounds", "5"] if options.quick else [])],
         "lamp": ["--rounds", "5"] if options.quick else [],
         "tables": ["--rounds", "5"] if options.quick else [],
         "kkt": ["--quick"] if options.quick else [],
-        "in_solve": ["--frames", "200", "--rounds", "1"] if options.quick else [],
         "threads": [
             *(["--quick"] if options.quick else []),
             *(["--rounds", str(options.rounds)] if options.rounds else []),

@@ -105,9 +105,24 @@ def _neighbours(cases: list[Case]) -> Iterator[Case]:
             yield Case("neighbours", f"{case.collection}-{case.name}", case.spec, given)
 
 
-def _boxed(folder: Path, each: int) -> Iterator[Case]:
-    from boxed import boxed
+#: Limits are set as if variables moved by at least so much.
+FLAT = 1e-3
 
+
+def boxed(text: str, solution: stc.Solution, wider: float) -> str:
+    """The spec with limits around a solution, farther out by so much of the way between them."""
+    declared = re.search(r"variables:(.*?);", text, re.DOTALL)
+    assert declared is not None
+    limits = []
+    for name in (word.strip() for word in declared[1].split(",")):
+        values = np.asarray(solution[name])
+        low, high = float(values.min()), float(values.max())
+        out = wider * max(high - low, FLAT)
+        limits.append(f"{low - out:.9g} <= {name} <= {high + out:.9g};")
+    return text.replace("objective:", f"  [0, n]: {' '.join(limits)}\n    objective:", 1)
+
+
+def _boxed(folder: Path, each: int) -> Iterator[Case]:
     folder.mkdir(parents=True, exist_ok=True)
     for case in _random("kinds", 3, each):
         file = folder / f"{case.name}.stc"

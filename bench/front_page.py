@@ -60,27 +60,27 @@ class Figures:
 def table(figures: Figures) -> str:
     """The figures as they stand in the page."""
     rows = [
-        ("open loop, RMS error: base; joints", f"{_short(figures.base)}; {_short(figures.joints)} rad"),
+        ("the torques alone", figures.base, figures.joints, "none"),
+        ("the torques alone, at the end", figures.end_base, figures.end_joints, "none"),
+        ("with the controller", figures.tracked.base, figures.tracked.joints, _shares(figures.tracked)),
         (
-            "open loop, error at the end: base; joints",
-            f"{_short(figures.end_base)}; {_short(figures.end_joints)} rad",
-        ),
-        (
-            "with feedback, RMS error: base; joints; feedback share in the torque of the worst motor (of all motors)",
-            _line(figures.tracked),
-        ),
-        (f"the same with all masses {100 * (HEAVIER - 1):.0f} % wrong", _line(figures.heavier)),
-        (
-            "difference between the spec's and MuJoCo's equations of motion; inverse-dynamics residual of the solution",
-            f"{figures.equations:.0e}; {figures.residual:.0e}",
-        ),
-        (
-            "solved contact forces in place of the floor: largest error of a joint; order of that error in the step h",
-            f"{_short(figures.external)} rad; {figures.order:.1f}",
+            f"with the controller, all masses {100 * (HEAVIER - 1):.0f} % wrong",
+            figures.heavier.base,
+            figures.heavier.joints,
+            _shares(figures.heavier),
         ),
     ]
-    lines = [f"| {label} | {text} |" for label, text in rows]
-    return "\n".join(["| replay with MuJoCo's contact | measured |", "| --- | --- |", *lines])
+    lines = [
+        f"| {name} | {_short(base)} | {_short(joints)} | {share} |" for name, base, joints, share in rows
+    ]
+    rest = (
+        f"The equations of motion of the spec and of MuJoCo differ by {figures.equations:.0e}, and the forces of the "
+        f"solution\nfrom those that MuJoCo computes for its accelerations by {figures.residual:.0e}, as shares of the "
+        "largest. If the solved contact forces act in place\nof the floor, no joint is ever more than "
+        f"{_short(figures.external)} rad off, and this error falls with the step h like h^{figures.order:.1f}."
+    )
+    head = "| replay | error of the base | of the joints, rad | controller's share of the torque, worst motor (all) |"
+    return "\n".join([head, "| --- | --- | --- | --- |", *lines, "", rest])
 
 
 def _short(value: float) -> str:
@@ -89,11 +89,8 @@ def _short(value: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def _line(tracked: Tracked) -> str:
-    return (
-        f"{_short(tracked.base)}; {_short(tracked.joints)} rad; "
-        f"{100 * tracked.worst:.2g} % ({100 * tracked.whole:.2g} %)"
-    )
+def _shares(tracked: Tracked) -> str:
+    return f"{100 * tracked.worst:.2g} % ({100 * tracked.whole:.2g} %)"
 
 
 def _errors(metrics: Sequence[Metric], name: str, motors: Sequence[str]) -> tuple[float, float]:

@@ -18,19 +18,57 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from evaluator import clock_cycle, repeats_for, timed
 
 import stc
 from stc.arrays import aligned_zeros
+from stc.codegen import engine
 from stc.core.calls import chain
 from stc.transcription import Transcription
 from stc.transcription.assemble import data_of
 from stc.transcription.bind import BoundProgram
+
+
+def timed(call: Callable[[], Any], repeats: int) -> float:
+    """Seconds of this thread's processor time per call: other programs' share of the machine does not count."""
+    started = time.thread_time()
+    for _ in range(repeats):
+        call()
+    return (time.thread_time() - started) / repeats
+
+
+def repeats_for(call: Callable[[], Any]) -> int:
+    """How often to call for a sample of 5 milliseconds: equally long for every contender."""
+    call()
+    return max(1, round(5e-3 / min(timed(call, 1) for _ in range(3))))
+
+
+def clock_cycle() -> float:
+    """Nanoseconds per clock cycle: dependent integer operations take one each on every machine."""
+    # alternating, since a compiler would add up a row of additions
+    chain = "\n".join(f"  %s{k + 1} = {('add', 'xor')[k % 2]} i64 %s{k}, %step" for k in range(64))
+    ir = f"""define i64 @run(i64 %n, i64 %step) {{
+entry:
+  br label %again
+again:
+  %k = phi i64 [ 0, %entry ], [ %k1, %again ]
+  %s0 = phi i64 [ 0, %entry ], [ %s64, %again ]
+{chain}
+  %k1 = add i64 %k, 1
+  %more = icmp slt i64 %k1, %n
+  br i1 %more, label %again, label %done
+done:
+  ret i64 %s64
+}}
+"""
+    loaded = engine.load(engine.compile_ir(ir, level=1), "run")
+    run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(loaded.address)
+    return min(timed(lambda: run(2000, 3), 3) for _ in range(30)) / (2000 * 64) * 1e9
 
 
 def operations(transcription: Transcription) -> int:

@@ -1,26 +1,21 @@
 """MUMPS the way IPOPT calls it: the library that CasADi brings along, with IPOPT's settings, through a few lines of C.
 
 IPOPT reports no times of its factorisations with MUMPS, and CasADi's own interface analyses the pattern again with
-every factorisation; here the pattern is analysed once and the factorisations are timed alone: those of one matrix, or,
-by an audit library of the dynamic linker, those of a whole process in which IPOPT solves.
+every factorisation; here the pattern is analysed once, so that factorisations can be timed alone.
 """
 
 from __future__ import annotations
 
 import ctypes
-import os
 import shutil
-import statistics
 import subprocess
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Mumps", "Times", "times_inside", "unavailable"]
+__all__ = ["Mumps", "unavailable"]
 
 Floats = NDArray[np.float64]
 
@@ -53,78 +48,6 @@ int negative(DMUMPS_STRUC_C *id) { return id->INFOG(12); }
 int solve(DMUMPS_STRUC_C *id, double *b) { id->rhs = b; id->job = 3; dmumps_c(id); return id->INFOG(1); }
 void stop(DMUMPS_STRUC_C *id) { id->job = -2; dmumps_c(id); free(id); }
 """
-
-#: Takes dmumps_c's place wherever it is called, and tells in the end how long each factorisation took.
-AUDIT = """
-#define _GNU_SOURCE
-#include <link.h>
-#include <stdio.h>
-#include <string.h>
-#include <time.h>
-#include "dmumps_c.h"
-
-static void (*real)(DMUMPS_STRUC_C *);
-#define MOST 100000
-static double seconds[MOST];
-static long calls;
-
-static double used(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return t.tv_sec + 1e-9 * t.tv_nsec;
-}
-static void watched(DMUMPS_STRUC_C *id) {
-    int job = id->job;
-    double time = used();
-    real(id);
-    time = used() - time;
-    if (job == 2 && calls < MOST) seconds[calls++] = time;
-}
-unsigned la_version(unsigned version) { return LAV_CURRENT; }
-unsigned la_objopen(struct link_map *map, Lmid_t space, uintptr_t *cookie) { return LA_FLG_BINDTO | LA_FLG_BINDFROM; }
-uintptr_t la_symbind64(Elf64_Sym *symbol, unsigned number, uintptr_t *from, uintptr_t *to, unsigned *flags,
-                       const char *name) {
-    if (strcmp(name, "dmumps_c")) return symbol->st_value;
-    real = (void *)symbol->st_value;
-    return (uintptr_t)watched;
-}
-__attribute__((destructor)) static void tell(void) {
-    for (long k = 0; k < calls; k++) fprintf(stderr, k ? " %.9f" : "\\nMUMPS %.9f", seconds[k]);
-    if (calls) fprintf(stderr, "\\n");
-}
-"""
-
-
-@dataclass(frozen=True)
-class Times:
-    """Of the factorisations of a solve: their number, the mean, the median and the least of their seconds."""
-
-    calls: int
-    mean: float
-    median: float
-    least: float
-
-    @classmethod
-    def of(cls, seconds: Sequence[float]) -> Times:
-        """From those of each."""
-        return cls(len(seconds), statistics.fmean(seconds), statistics.median(seconds), min(seconds))
-
-
-def times_inside(command: list[str]) -> Times:
-    """Of the processor time of MUMPS' factorisations, analyses excluded, in a process that this command starts.
-
-    Raises:
-        CalledProcessError: it failed.
-        LookupError: MUMPS was not called in it.
-    """
-    with tempfile.TemporaryDirectory() as scratch:
-        audit = _compiled(AUDIT, Path(scratch) / "audit.so", [])
-        environment = {**os.environ, "LD_AUDIT": str(audit)}
-        done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
-    for line in done.stderr.splitlines():
-        if line.startswith("MUMPS "):
-            return Times.of([float(word) for word in line.split()[1:]])
-    raise LookupError("MUMPS was not called")
 
 
 def unavailable() -> str:

@@ -148,7 +148,7 @@ def _arm() -> Element:
 
 
 def _around() -> list[Element]:
-    """Pedestal and post."""
+    """What stands around the arm: its pedestal, and the post in its way."""
     return [
         drawn("cylinder", "iron", pos=(0.0, 0.0, 0.012), size=(0.17, 0.012)),
         drawn("cylinder", "cap", pos=(0.0, 0.0, 0.11), size=(0.075, 0.10)),

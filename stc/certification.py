@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stc.bundled import is_solution
-from stc.errors import Source, StcError, UsageError
+from stc.errors import StcError, UsageError
 from stc.solution import Solution, read
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.studies.equation_report import EquationReport
     from stc.validate.certificate import Certificate
+    from stc.validate.certificate.listing import Statement
     from stc.validate.metrics import Metric
 
 SAFETY = 0.5
@@ -46,8 +47,8 @@ def certify(
     force : bool
         Whether to judge a solution that is not optimal.
     equations : bool | None
-        Whether to compare the spec's equations of motion with the model's; None compares them if
-        the motion fails and the solved forces do not give its accelerations, to name the joint and the term.
+        Whether to compare the spec's equations of motion with the model's; None compares them, to name the joint and
+        the term, if the motion fails and the solved forces do not give its accelerations, or if a motor never pulls.
     further : Sequence[Metric]
         Additional measurements for the certificate, such as the observed order of convergence.
 
@@ -77,30 +78,53 @@ def certify(
     # The file and not the solution is handed on: the model may lie beside it.
     statements = statements_between(solution)
     certificate = validated(motion, model, force=force, statements=statements, further=further)
-    if equations or (equations is None and not certificate.passed and not _obeys(certificate)):
+    if equations or (equations is None and not _tells_of_equations(certificate)):
         compared, why = _equations(solution, certificate.replays.setup.path)
         certificate.equations = compared
         certificate.refused = why
-    certificate.source = _written_out(solution)
+    certificate.statements = statements_of(solution)
     if not certificate.passed:
         certificate.more_frames = _more_frames(solution, certificate.metrics)
     return certificate
 
 
-def _written_out(solution: Solution) -> Source | None:
-    """The text of a spec with its repetitions written out; None if it cannot be parsed."""
+def statements_of(solution: Solution) -> list[Statement]:
+    """The statements that the text of a spec contains, without those that a model or a contact adds; none if the text
+    cannot be parsed.
+    """
+    from stc.language.syntax import Node, statement_text
+    from stc.problem import ParameterRef, VariableRef
     from stc.restated import problem_of
+    from stc.symbolic.expr import symbols
+    from stc.validate.certificate.listing import Statement
 
     try:
-        return problem_of(solution).source
+        problem = problem_of(solution)
     except StcError:
-        return None
+        return []
+    found: dict[Statement, None] = {}
+    for one in problem.relations:
+        span = one.span
+        written = one.coordinate or statement_text(span.source, Node(span.start, span.end)) == one.text
+        if written and not (one.coordinate and problem.of_model):
+            names = [str(key) for key in symbols(one.body) if isinstance(key, VariableRef | ParameterRef)]
+            frames = one.range.first, one.range.last
+            found[Statement(span.line, one.text, frames, frozenset(names), one.is_equality)] = None
+    return list(found)
 
 
-def _obeys(certificate: Certificate) -> bool:
-    """Whether the motion satisfies the model's equations of motion, so that they are not the cause of a failure."""
-    verdicts = {m.verdict for m in certificate.metrics if m.name == "inverse-dynamics residual"}
-    return verdicts == {"pass"}
+def _tells_of_equations(certificate: Certificate) -> bool:
+    """Whether the motion shows that the spec's equations of motion are the model's, or failed for another reason.
+
+    It says nothing of the force of a motor that never pulls, such as one that the equations leave out.
+    """
+    from stc.validate.limits import INVERSE_DYNAMICS
+
+    names = ("inverse-dynamics residual", "residual between frames")
+    obeys = {m.verdict for m in certificate.metrics if m.name in names} == {"pass"}
+    most = [float(abs(channel.before).max()) for channel in certificate.replays.setup.controls.channels]
+    idle = min(most, default=1.0) <= INVERSE_DYNAMICS * max(most, default=0.0)
+    return (certificate.passed or obeys) and not idle
 
 
 def motion_of(motion: Solution | str | os.PathLike[str]) -> Solution | str | os.PathLike[str]:

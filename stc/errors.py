@@ -12,7 +12,7 @@ warning about a span.  ``str`` of any exception here is the full message as a us
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 from stc.records import dataclass, field
 from stc.visible import visible
@@ -324,11 +324,3 @@ class EndedError(StcError):
 
     def __str__(self) -> str:
         return self.message
-
-
-def raise_errors(diagnostics: Sequence[Diagnostic]) -> None:
-    """Raise a :class:`SpecError` with the errors among the diagnostics, in text order, if there are any."""
-    errors = [d for d in diagnostics if d.severity == "error"]
-    if errors:
-        errors.sort(key=lambda d: d.span.start if d.span is not None else -1)
-        raise SpecError(errors)

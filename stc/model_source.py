@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -88,7 +89,7 @@ def _described(source: str | os.PathLike[str], text: str | None) -> tuple[mujoco
             return mujoco.MjSpec.from_file(os.fsencode(source)), []
         return mujoco.MjSpec.from_string(text), []
     content = without_comments(content)
-    if "<xacro:" in content:
+    if re.search(r"""<xacro:|=\s*["'][^"']*\$[({]""", content):
         raise ValueError(
             "it has macros, which the program `xacro` writes out: `xacro robot.xacro > robot.urdf`"
         )

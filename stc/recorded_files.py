@@ -123,22 +123,27 @@ def unpacked(files: Sequence[RecordedFile]) -> Path | None:
 
 def _files(model: Path) -> Iterator[tuple[str, str]]:
     """Role and path of the model's own file and of all that it names, found without a simulator."""
-    pending, seen = [("model", model.name)], set()
+    yield "model", model.name
+    texts: dict[str, bytes] = {}
+    pending = [model.name]
     while pending:
-        role, path = pending.pop(0)
-        if path in seen:
+        path = pending.pop(0)
+        try:
+            texts[path] = _COMMENT.sub(b"", (model.parent / path).read_bytes())
+        except (OSError, ValueError):
             continue
-        seen.add(path)
-        yield role, path
-        if _is_text(role, path):
-            try:
-                text = _COMMENT.sub(b"", (model.parent / path).read_bytes())
-            except (OSError, ValueError):
-                continue
-            if path.endswith(".urdf"):
-                pending += [("part", _beside(mesh, model.parent)) for mesh in mesh_files(model.parent / path)]
-            else:
-                pending += [("part", named) for named in _named(text)]
+        if path.endswith(".urdf"):
+            for mesh in mesh_files(model.parent / path):
+                yield "part", _beside(mesh, model.parent)
+            texts[path] = b""
+        pending += [
+            name
+            for name in _named([texts[path]])
+            if _is_text("part", name) and name not in {*texts, *pending}
+        ]
+    # What is included is part of one text: the folders that one file names hold the meshes of the others.
+    for name in [*texts, *_named(list(texts.values()))]:
+        yield "part", name
 
 
 def _beside(path: Path, folder: Path) -> str:
@@ -150,18 +155,19 @@ def _is_text(role: str, path: str) -> bool:
     return role == "model" or path.endswith((".xml", ".mjcf", ".urdf"))
 
 
-def _named(text: bytes) -> Iterator[str]:
-    """The files that a model's text names, relative to the model's folder."""
-    tags = [(tag, {k: a or b for k, a, b in _ATTRIBUTE.findall(rest)}) for tag, rest in _TAG.findall(text)]
-    folders: dict[bytes, bytes] = {}
+def _named(texts: Sequence[bytes]) -> Iterator[str]:
+    """The files that the texts of a model name, relative to the model's folder, in any folder where they may lie."""
+    tags = [
+        (tag, {k: a or b for k, a, b in _ATTRIBUTE.findall(rest)})
+        for text in texts
+        for tag, rest in _TAG.findall(text)
+    ]
+    settings = [item for tag, attributes in tags if tag == b"compiler" for item in attributes.items()]
     for tag, attributes in tags:
-        if tag == b"compiler":
-            folders.update({k: v for k, v in attributes.items() if k.endswith(b"dir")})
-    for tag, attributes in tags:
-        folder = folders.get(
-            _FOLDERS.get(tag, b""), folders.get(b"assetdir", b"") if tag in _FOLDERS else b""
-        )
+        kinds = (_FOLDERS[tag], b"assetdir") if tag in _FOLDERS else ()
+        folders = dict.fromkeys([folder for key, folder in settings if key in kinds] + [b""])
         for attribute, value in attributes.items():
             if attribute.startswith(b"file") and value:
-                name = PurePosixPath(folder.decode(errors="replace")) / value.decode(errors="replace")
-                yield name.as_posix()
+                for folder in folders:
+                    name = PurePosixPath(folder.decode(errors="replace")) / value.decode(errors="replace")
+                    yield name.as_posix()

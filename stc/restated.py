@@ -162,10 +162,6 @@ def read(path: str | os.PathLike[str]) -> Solution:
     """Read a solution file; see :func:`stc.solution.read`."""
     stored = load(path)
     try:
-        if stored.facts["format"] == 1:
-            from stc.first_format import read_first
-
-            return read_first(stored, solution_of)
         return solution_of(stored, Path(path).parent)
     except SolutionError as error:
         raise SolutionError(f"{path}: {error}") from None

@@ -44,6 +44,8 @@ SLIDES, SLOWLY = 0.01, 1e-2
 #: By how many steps the time between two changes of contact may change, and the least share of it that remains; it
 #: grows by the inverse of that at most.
 ROOM, LEAST = 1.5, 0.5
+#: Which part of its height at an end of the motion a contact there keeps as clearance.
+CLEAR = 0.9
 #: What the new spec calls the motion that it starts from.
 STEPS = "steps"
 
@@ -76,6 +78,9 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
             stands[end] |= all(recovery.channel(gap).before[end] < TOUCHES for gap in contact.gaps)
         stances[contact.name] = _stances(stands)
     landings = {first for some in stances.values() for first, _ in some}
+    for some in stances.values():
+        # What leaves as another lands is pushed off by that, or hands its load over.
+        some[:] = [(first, last + (last + 1 in landings)) for first, last in some]
     found: dict[str, list[Range]] = {}
     for contact in contacts:
         moving = [rate for rate in contact.slip if rate is not ZERO]
@@ -133,8 +138,15 @@ def _stances(bears: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 def _text(solution: Solution, ranges: Mapping[str, Sequence[Range]], table: str) -> str:
     """The spec with ranges in place of ``free:``, and a guess from the poses in a file."""
-    tree = parse(source_of(solution))
-    text = tree.source.text
+    text = source_of(solution).text
+    low = _low_ends(solution, ranges)
+    declared = [one for block in parse(Source("", text, "")).blocks("contact") for one in block.statements]
+    for one in reversed([one for one in declared if isinstance(one, syntax.ContactDeclaration)]):
+        for option, value in one.options:
+            if option.name == "clearance" and value is not None and one.name.name in low:
+                asked = f"min({text[value.start : value.end]}, {low[one.name.name]:.2g})"
+                text = text[: value.start] + asked + text[value.end :]
+    tree = parse(Source("", text, ""))
     for block in reversed([block for block in tree.blocks("contact") if block.free]):
         places = [one for one in block.statements if isinstance(one, syntax.ContactPlace)]
         lines = []
@@ -147,7 +159,24 @@ def _text(solution: Solution, ranges: Mapping[str, Sequence[Range]], table: str)
         end = text.find(";", end) + 1 or end
         text = text[: block.start] + "\n  ".join(lines) + text[end:]
     name = _unused(STEPS, text)
-    return f'{text.rstrip()}\n\n# what was found in time steps\ndata: {name} = "{table}";\nguess: {name};\n'
+    head = f"# {solution.name}, with the contacts that were found in time steps as ranges of frames.\n#\n"
+    return f'{head}{text.rstrip()}\n\n# what was found in time steps\ndata: {name} = "{table}";\nguess: {name};\n'
+
+
+def _low_ends(solution: Solution, ranges: Mapping[str, Sequence[Range]]) -> dict[str, float]:
+    """The clearance that contacts have at the ends of the motion where they do not stand, in m.
+
+    An arch of flight that goes on beyond the motion is highest there: where the pose is given, it cannot be higher.
+    """
+    stated, n = stated_again(solution), solution.n
+    recovery = stated.recovery(solution.x, solution.constants)
+    found = {}
+    for contact in stated.problem.free_contacts:
+        standing = {frame for first, last, _ in ranges[contact.name] for frame in (first, last)}
+        heights = [recovery.channel(gap).before[end] for gap in contact.gaps for end in {0, n} - standing]
+        if heights:
+            found[contact.name] = CLEAR * max(0.0, float(min(heights)))
+    return found
 
 
 def _unused(name: str, text: str) -> str:

@@ -78,28 +78,18 @@ def read_csv(path: Path) -> Stored:
     if np.sum(before) != frames or np.sum(after) != frames:
         raise SolutionError("the file is damaged: rows are missing from its table")
     mid = kinds == "mid" if facts["method"] == "hermite-simpson" and frames > 1 else None
-    if facts["format"] == 1:
-        from stc.first_format import columns
-
-        places = columns(facts)
-    else:
-        places = [(f"unknowns/{unknown['name']}", unknown["after"]) for unknown in facts["unknowns"]]
+    places = [(f"unknowns/{unknown['name']}", unknown["after"]) for unknown in facts["unknowns"]]
     if numbers.shape[1] != len(places):
         raise SolutionError("the file is damaged: its table does not have the columns that its facts list")
     for (place, apart), column in zip(places, numbers.T):
-        if place == "time":  # in tables of the first format
-            members[place] = column[before]
-            continue
         members[place] = column[before]
-        if apart is None:
-            members[f"{place}/after"] = column[after]
-        elif apart:
+        if apart:
             members[f"{place}/after"] = column[after][apart]
         if mid is not None:
             members[f"{place}/mid"] = column[mid]
-        if apart is not None and (rest := np.setdiff1d(np.arange(frames), apart)).size:
-            if not np.array_equal(column[before][rest], column[after][rest], equal_nan=True):
-                raise SolutionError(
-                    f"the file was altered: {place} has two values at a frame that it does not list"
-                )
+        rest = np.setdiff1d(np.arange(frames), apart)
+        if not np.array_equal(column[before][rest], column[after][rest], equal_nan=True):
+            raise SolutionError(
+                f"the file was altered: {place} has two values at a frame that it does not list"
+            )
     return Stored(facts, members)

@@ -46,8 +46,8 @@ _ROUNDS, _TURNS = 50, 4
 _STEP, _FAR = 1e-6, 0.2
 #: The corners of the square around the cone of friction.
 _CORNERS = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
-#: Forces balance to this share of the weight, with levers of 1 m.
-_BALANCE, _TINY = 1e-3, 1e-9
+#: Forces balance to this share of what the weight is to the joint, and of the weight, with levers of 1 m.
+_BALANCE, _NEARLY, _TINY = 1e-3, 1e-5, 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,16 +242,18 @@ class Stance:
 
     # --------------------------------------------------------------------- poses
 
-    def _inside(self, room: float) -> dict[int, float]:
-        """Joints that are outside of their range or close to its end in the pose, and a value inside."""
+    def _inside(self, room: float, margin: float = _INSIDE) -> dict[int, float]:
+        """Joints that are outside of their range or close to its end in the pose, and a value inside, which is a share
+        of the range from that end.
+        """
         found = {}
         for index, joint in enumerate(self.mechanism.joints):
             if joint.limited and joint.kind in ("hinge", "slide"):
                 lower, upper = joint.bounds
                 value, spare = self.start[joint.qpos], room * (upper - lower)
                 if not lower + spare <= value <= upper - spare:
-                    margin = _INSIDE * (upper - lower)
-                    found[index] = float(np.clip(value, lower + margin, upper - margin))
+                    inset = margin * (upper - lower)
+                    found[index] = float(np.clip(value, lower + inset, upper - inset))
         return found
 
     def changes(self, q: Matrix | None = None) -> list[tuple[str, float]]:
@@ -269,10 +271,12 @@ class Stance:
             if joint.kind in ("hinge", "slide") and abs(q[joint.qpos] - self.drawn[joint.qpos]) > _SAME
         ]
 
-    def bent(self) -> Matrix:
-        """The pose with joints at an end of their range moved inside, since straight legs are singular."""
+    def bent(self, share: float = _INSIDE) -> Matrix:
+        """The pose with joints at an end of their range moved inside by a share of it, since straight legs are
+        singular.
+        """
         q = self.start.copy()
-        for index, value in self._inside(_AT_END).items():
+        for index, value in self._inside(_AT_END, share).items():
             q[self.mechanism.joints[index].qpos] = value
         return q
 
@@ -288,7 +292,8 @@ class Stance:
         """Whether the model's motors can hold a pose at rest, (nq,), on some points that push and do not slip.
 
         The friction of a point is the square around its cone.  Limits of forces and torques are not looked at, so that
-        an answer of no is certain; where equality constraints or states of actuators take part the answer is yes.
+        an answer of no is certain; where equality constraints or states of actuators take part the answer is yes.  Dry
+        friction holds nothing: it lets a joint creep.
 
         Source: the weight, the springs, the controls within their ranges and the forces of the points balance, as
         linear least squares with bounds.
@@ -325,21 +330,26 @@ class Stance:
             [np.broadcast_to(value, len(inputs) + 1) for value in evaluate_all(residual, known)]
         )
         slopes = values[:, 1:] - values[:, :1]
-        rubbing = [
-            (dof, joint.frictionloss)
-            for joint in mechanism.joints
-            for dof in joint.dofs
-            if joint.frictionloss
-        ]
-        for dof, most in rubbing:
-            slopes = np.column_stack([slopes, np.eye(len(residual))[dof]])
-            low.append(-most)
-            high.append(most)
         if not np.isfinite(values).all():
             return True
         upper = np.maximum(high, np.array(low) + _TINY)
         found = lsq_linear(slopes, -values[:, 0], (low, upper), tol=1e-12)
-        return bool(np.linalg.norm(found.fun) <= _BALANCE * max(scope.weight, _TINY))
+        # Forces on a finger are small beside the weight of a hand.
+        return bool(
+            (np.abs(found.fun) <= _BALANCE * np.abs(values[:, 0]) + _NEARLY * max(scope.weight, _TINY)).all()
+        )
+
+    def driven(self) -> list[str]:
+        """The paths of the hinges and slides that actuators move, but for those of bodies that are not looked at."""
+        scope, given = self.scope, self.scope.dynamics.actuation()
+        inputs = set(map(VariableRef, [*scope.controls, *scope.activations]))
+        return [
+            path_of("joint", joint.name)
+            for joint in self.mechanism.joints
+            if joint.kind in ("hinge", "slide")
+            and joint.body not in self.apart
+            and inputs & set(symbols(given[joint.dof]))
+        ]
 
     def _pushed(self, spot: Spot) -> list[Spot]:
         """The points at which the floor pushes on a spot: all corners of a sole, otherwise the spot itself."""
@@ -408,7 +418,11 @@ class Stance:
         return q, before
 
     def _off(self, q: Matrix, spots: Sequence[Spot]) -> Matrix:
-        """(spots + 2, k) the heights of the points and the distance of the centre of mass from their middle, in m."""
+        """How far k poses are from standing on given points, (spots + 2, k), in m.
+
+        The first rows are the heights of the points less their mean, the last two the horizontal vector from the middle
+        of the points to the centre of mass; all are 0 for a pose that stands.
+        """
         places, centre = self.seen(q, spots)
         heights = np.einsum("i,isk->sk", self.up, places)
         beside = self._flat(centre) - np.array([self._flat(p) for p in np.moveaxis(places, 1, 0)]).mean(

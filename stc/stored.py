@@ -10,7 +10,7 @@ from stc.errors import SolutionError
 from stc.records import dataclass, field
 from stc.trajectory import FloatArray
 
-#: Version of the layout.  A reader refuses files with a higher one.
+#: Version of the layout.  A reader refuses files with another one.
 FORMAT = 2
 
 
@@ -20,7 +20,7 @@ class Stored:
 
     Attributes:
         facts: everything but arrays.
-        members: arrays by the names in :mod:`stc.solution_file`; in files of the first format by those that it had.
+        members: arrays by the names in :mod:`stc.solution_file`.
         used: the names of the members that were read; an unaltered file has no others.
     """
 
@@ -53,10 +53,10 @@ def check_facts(facts: Any) -> dict[str, Any]:
         raise SolutionError("this is not a solution file")
     if not isinstance(facts.get("format"), int):
         raise SolutionError("the file does not state its format version")
-    if facts["format"] > FORMAT:
+    if facts["format"] != FORMAT:
         raise SolutionError(
-            f"the file has format {facts['format']}, written by stc {facts.get('stc_version', '?')}; "
-            f"this version reads up to format {FORMAT}: install a newer stc"
+            f"the file has format {facts['format']}, written by stc {facts.get('stc_version', '?')}; this version "
+            f"reads format {FORMAT}: {'install a newer stc' if facts['format'] > FORMAT else 'solve its spec again'}"
         )
     if facts.get("trials", [""]) != [""]:
         raise SolutionError(

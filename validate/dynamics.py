@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
     from stc.validate.setup import Setup
 
+#: The change of a velocity, in m/s or rad/s, by which the effect of dampers is found.
+_SLIGHTLY = 1e-3
+
 
 class SmoothDynamics:
     """Evaluates the equations of motion of a model state by state.
@@ -75,6 +78,18 @@ class SmoothDynamics:
         self.data.qacc[:] = acceleration
         mujoco.mj_inverse(self.model, self.data)
         return np.array(self.data.qfrc_inverse)
+
+    def decay(self) -> float:
+        """The highest rate, 1/s, at which dampers and actuators slow the model in the present state, under its
+        present controls; from differences of their forces, which are linear in the velocities or nearly so.
+        """
+        mass, speed = self.mass_matrix(), self.data.qvel.copy()
+        forces = []
+        for step in (np.zeros(len(speed)), *(_SLIGHTLY * np.eye(len(speed)))):
+            self.data.qvel[:] = speed + step
+            forces.append(self.actuation(self.data.ctrl.copy()) + self.data.qfrc_passive)
+        slopes = np.transpose(forces[0] - np.array(forces[1:])) / _SLIGHTLY
+        return float(np.linalg.eigvals(np.linalg.solve(mass, slopes)).real.max(initial=0.0))
 
 
 def mass_matrices(setup: Setup, count: int) -> Iterator[FloatArray]:

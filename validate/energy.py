@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 #: Gauss-Legendre nodes of the work integral in each step.
 _NODES = 5
 
-#: Motions smaller than this, in m or rad, count as that large: where nothing moves, all that passes through the books
-#: is rounding, and a share of that says nothing.
+#: Motions smaller or slower than this, in m, rad or per second, count as that large: where nothing moves, all that
+#: passes through the books is rounding, and a share of that says nothing.
 _STILL = 1e-3
 
 
@@ -114,9 +114,8 @@ def energy_balance(setup: Setup) -> EnergyBalance | None:
     jumps = after[1:] - before[:-1]
     largest = float(jumps[np.argmax(np.abs(jumps))]) if len(jumps) else 0.0
     potential, kinetic = np.concatenate([starts, ends]).T
-    turnover = max(
-        effort, float(np.ptp(levels)), float(np.ptp(potential)), float(kinetic.max()), _STILL * force
-    )
+    least = max(_STILL * force, _STILL**2 * float(model.body_mass.sum()))
+    turnover = max(effort, float(np.ptp(levels)), float(np.ptp(potential)), float(kinetic.max()), least)
     return EnergyBalance(float(np.abs(books).max()), turnover, largest)
 
 

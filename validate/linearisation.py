@@ -64,7 +64,7 @@ def linearise(setup: Setup, held: bool = True) -> Linearisation:
     if not (setup.all_tied or untied):
         raise ModelError("the motion is not linearised: some joints of the model are not tied to the spec")
     model = setup.model(contacts=False)
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     data = mujoco.MjData(model)
     forces = setup.all_forces
     holding = Holding(setup, forces, held)

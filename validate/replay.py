@@ -19,7 +19,7 @@ import numpy as np
 from stc.errors import UsageError
 from stc.records import dataclass, field
 from stc.validate import limits
-from stc.validate.dynamics import mass_matrices
+from stc.validate.dynamics import SmoothDynamics
 from stc.validate.grips import grips
 from stc.validate.metrics import FloatArray
 from stc.validate.progress import steps
@@ -41,6 +41,9 @@ _BROKEN = 1e10
 
 #: Dampers make time steps shorter by this factor at most, and are looked at in so many frames.
 _FINEST, _LOOKED_AT = 64, 8
+
+#: Runge and Kutta's method is stable up to time steps so many times as long as that in which dampers slow a joint.
+_STABLE = 2.5
 
 #: ``rk4`` steps as described above; the others are MuJoCo's own, the control being that of the step's middle.
 INTEGRATORS = ("rk4", "euler", "implicit", "implicitfast")
@@ -94,15 +97,22 @@ def time_step_for(setup: Setup, longest: float, contacts: bool = True) -> float:
     return longest if rate * longest <= 1.0 else max(1.0 / rate, longest / _FINEST)
 
 
+def integrator_for(setup: Setup, time_step: float, wanted: str = "rk4") -> str:
+    """The integrator of a replay: MuJoCo's implicit one in place of Runge and Kutta's method where dampers are so stiff
+    that this would break down at the time step, as in hands whose light fingers have the damping of an arm.
+    """
+    stiff = wanted == "rk4" and _fastest_decay(setup) * time_step > _STABLE
+    return "implicitfast" if stiff else wanted
+
+
 def _fastest_decay(setup: Setup) -> float:
-    """The highest rate, per second, at which dampers slow the model along the solved motion."""
-    root = np.sqrt(setup.compiled.dof_damping)
-    if not root.any():
-        return 0.0
-    decays = (
-        root[:, None] * np.linalg.solve(mass, np.diag(root)) for mass in mass_matrices(setup, _LOOKED_AT)
-    )
-    return max(float(np.linalg.eigvalsh(decay).max()) for decay in decays)
+    """The highest rate, per second, at which dampers and actuators slow the model along the solved motion."""
+    dynamics, found = SmoothDynamics(setup.model()), 0.0
+    for frame in np.unique(np.linspace(0, setup.solution.n, _LOOKED_AT).astype(int)):
+        setup.put(dynamics.data, "after", int(frame))
+        dynamics.data.ctrl[setup.controls.addresses] = setup.controls.at("after", int(frame))
+        found = max(found, dynamics.decay())
+    return found
 
 
 def replay(

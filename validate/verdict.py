@@ -30,7 +30,7 @@ from stc.validate.metrics import FloatArray, Metric, drift
 from stc.validate.model import file_hash
 from stc.validate.momentum import momentum_metrics
 from stc.validate.position_jumps import position_jumps
-from stc.validate.replay import Replay, replay, time_step_for
+from stc.validate.replay import Replay, integrator_for, replay, time_step_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
 from stc.validate.solved_pose import equality_metrics, limit_metrics, limit_notes
@@ -210,6 +210,7 @@ def run_replays(
     """
     longest = number(time_step, "the time step of the replay")
     time_step = time_step_for(setup, longest)
+    integrator = integrator_for(setup, time_step, integrator)
     meter = ContactMeter(setup)
     found = Replays(setup, replay(setup, time_step, integrator, meter=meter))
     if found.open_loop.broke_at is not None:

@@ -11,7 +11,7 @@ from typer.models import CommandInfo
 
 from stc.cli import editor, explaining, exports, jobs, perturbed, pictures, steering, studies, sweeping
 from stc.cli import view as viewing
-from stc.cli.options import solve_options, writable_page
+from stc.cli.options import SolveOptions, solve_options, writable_page
 from stc.cli.parameters import (
     CompareLimit,
     Continue,
@@ -82,8 +82,15 @@ def top(
         print(context.get_help())
 
 
+def _of_solve(context: typer.Context) -> SolveOptions:
+    """The options of a command's solve: all of its parameters but those of the command itself."""
+    own = ("spec", "force", "report", "table", "json")
+    return solve_options(**{name: value for name, value in context.params.items() if name not in own})
+
+
 @app.command()
 def solve(
+    context: typer.Context,
     spec: Spec,
     settings: Set = None,
     method: Method = None,
@@ -106,31 +113,13 @@ def solve(
     json: Json = False,
 ) -> int:
     """Solve a spec and save the motion."""
-    options = solve_options(
-        settings,
-        method,
-        max_iterations,
-        time_limit,
-        tolerance,
-        warm_start,
-        output,
-        optimizer,
-        explain=explain,
-        guess_from=guess_from,
-        walk=walk,
-        starts=starts,
-        seed=seed,
-        refine=refine,
-        profile=profile,
-        direct=direct,
-        threads=threads,
-        workers=workers,
-    )
+    options = _of_solve(context)
     return jobs.solve(spec, options, as_json=json)
 
 
 @app.command()
 def run(
+    context: typer.Context,
     spec: Spec,
     settings: Set = None,
     method: Method = None,
@@ -155,25 +144,7 @@ def run(
     json: Json = False,
 ) -> int:
     """Solve a spec, save the motion and validate it in MuJoCo."""
-    options = solve_options(
-        settings,
-        method,
-        max_iterations,
-        time_limit,
-        tolerance,
-        warm_start,
-        output,
-        optimizer,
-        guess_from=guess_from,
-        walk=walk,
-        starts=starts,
-        seed=seed,
-        refine=refine,
-        until=until,
-        direct=direct,
-        threads=threads,
-        workers=workers,
-    )
+    options = _of_solve(context)
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, table=table, as_json=json)
 

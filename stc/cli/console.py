@@ -37,7 +37,7 @@ _GAP = "   "
 MOST_WARNINGS = 20
 
 #: More parameters than this are counted instead of listed.
-MOST_PARAMETERS = 12
+MOST_PARAMETERS, MOST_IN_LINE = 12, 4
 
 
 def show_solution(
@@ -79,8 +79,22 @@ def show_solution(
     if file is not None:
         rows.append(("read from" if was_read else "saved", escape(str(file))))
     print_table(f"{solution.name}, {solution.method}, n = {solution.n}", rows)
-    if not good and solution.message:
-        print(solution.message)
+
+
+def show_briefly(solution: Solution, file: Path | None, was_read: bool) -> None:
+    """Print how a solve ended and what it found in two lines at most."""
+    count = f"{solution.iterations} iteration{'s' * (solution.iterations != 1)}"
+    seconds = solution.seconds.get("total", sum(solution.seconds.values()))
+    saved = "" if file is None else f"; {'read from' if was_read else 'saved as'} {file}"
+    print(
+        f"{solution.name}: {solution.status}, objective {solution.objective:.10g} "
+        f"({solution.method}, n = {solution.n}, {count}, {seconds:.3g} s{saved})"
+    )
+    values = [f"{name} = {value:.6g}" for name, value in solution.parameters.items()]
+    if len(values) > MOST_IN_LINE:
+        values[MOST_IN_LINE:] = [f"and {len(values) - MOST_IN_LINE} more"]
+    if values:
+        print(", ".join(values))
 
 
 def _turns(solution: Solution) -> Sequence[Turn]:

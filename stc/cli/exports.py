@@ -80,6 +80,7 @@ def schedule(target: str, output: str | None, options: SolveOptions, *, force: b
     for name, frames in ranges.items():
         listed = ", ".join(f"[{first}, {last}]{f' sliding {way}' * bool(way)}" for first, last, way in frames)
         print(f"{name:<12} stands on {listed}" if frames else f"{name:<12} never stands")
-    settings = "".join(f" --set {name}={value:.12g}" for name, value in solution.overrides.items())
+    finer = {**solution.overrides, "n": 2.0 * solution.n}  # steps are coarser than an exact motion needs
+    settings = "".join(f" --set {name}={value:.12g}" for name, value in finer.items())
     print(f"{path} written, with {table} to start from; judge it with: stc run {path}{settings}")
     return GOOD

@@ -58,7 +58,7 @@ def run(
 
         spare(page, inputs_of(model), "--report")
     check_replay_lines(model.problem(options.method))
-    outcome = _solved(model, options, as_json, save=True)
+    outcome = replace(_solved(model, options, as_json, save=True), brief=not table)
     if outcome.solution.model is None:
         return _not_validated(outcome, f"{_no_replay(outcome.solution.name)}; {OWN_MODEL}", page, as_json)
     return _judged(outcome, outcome.solution, force=force, page=page, table=table, as_json=as_json)
@@ -140,6 +140,7 @@ def validate(
     if page is not None:
         spare(page, [(target, "the solution to validate")], "--report")
     outcome, motion = solved(target, options, as_json)
+    outcome = replace(outcome, brief=not table)
     further: Sequence[Metric] = ()
     if order:
         from stc.cli import studies
@@ -379,12 +380,12 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         outcome = ending.outcome = replace(
             outcome,
             uncertainty=reasons.find_uncertainty(model, solution),
-            grid=reasons.find_grid_error(solution),
-            ringing=reasons.find_ringing(solution),
-            complementarity=reasons.find_complementarity(solution),
+            **reasons.find_remarks(solution),
         )
         if options.explain:
-            return replace(outcome, explanation=reasons.find_explanation(model, solution))
+            from stc.studies.explain import explain
+
+            return replace(outcome, explanation=explain(model, solution))
     return outcome
 
 

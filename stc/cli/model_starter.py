@@ -137,13 +137,14 @@ def starter(name: str, path: Path, seconds: float | None = None) -> str:
             if fate == _LARGE and len(others) == 1:  # it had all of the time
                 return solved or _LARGE.format(seconds=most) + text
             note(f"tried: {Path(name).stem} {others[-1]}")
-            if fate not in (_UNSOLVED, _LARGE):
+            if fate != _LARGE and not fate.startswith(_UNSOLVED):
                 solved = (
                     solved or f"# The solve ends optimal, and the motion fails in MuJoCo: {fate}.\n{text}"
                 )
         if not others:
             others.append("holds a pose: none was found in which motors and ground carry it")
-    return solved or f"# Within {most:g} s of processor time it was not solved.\n{text}"
+    unsolved = f"# Within {most:g} s of processor time it was not solved.\n"
+    return solved or unsolved + _with_others(text, others[:-1])
 
 
 def _with_others(text: str, others: Sequence[str]) -> str:
@@ -216,8 +217,9 @@ def _tried(text: str, path: Path, seconds: float) -> str:
         if error.status == "interrupted":
             raise
         return _LARGE
-    except StcError:
-        return _UNSOLVED
+    except StcError as error:
+        # What stands in the way is worth more than its position in a page that is not kept.
+        return f"{_UNSOLVED}: {str(error).splitlines()[0].rpartition('error: ')[2]}"
     try:
         solution = model.solve(max_iterations=_ITERATIONS, callback=end)
         if solution.status != "optimal":
@@ -247,7 +249,10 @@ class _Pages:
         self.mechanism, self.pose = mechanism, pose
         loose = objects(mechanism)
         self.stance = Stance(mechanism, q, loose)
-        self.held = _held(mechanism, loose)
+        self.driven = self.stance.driven()
+        self.held = self.driven if any(joint.body in loose for joint in mechanism.joints) else []
+        # No stop of a range takes part in a page, so that what moves by itself begins far from it.
+        self.within = self.stance.changes(self.stance.bent(0.5))
         self.travels = _travels(mechanism, loose)
         things = Stance(mechanism, q, frozenset(range(len(mechanism.bodies))) - loose)
         self.lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
@@ -257,8 +262,8 @@ class _Pages:
 
     def _page(self, title: str, seconds: float = 0.5, **more: Any) -> _Page:
         seconds = seconds if seconds < self.most else float(f"{self.most:.1g}")
-        more = {"changes": self.stance.changes(), **more}
-        return _Page(title, self.pose, seconds, held=self.held, **more)
+        more = {"changes": self.stance.changes(), "held": self.held, **more}
+        return _Page(title, self.pose, seconds, **more)
 
     def _standing(self, title: str, spots: Sequence[Spot], changes: Changes, pinned: bool = True) -> _Page:
         spots = [*spots, *self.lying]
@@ -270,11 +275,20 @@ class _Pages:
         """Pages on which the model stands, or holds its pose."""
         stance, mechanism, inside = self.stance, self.mechanism, self.stance.changes()
         if not self.travels:
-            yield self._standing("holds a pose with the least effort", [], inside)
+            # What is loose is held by nothing.  A servo pushes a joint at the end of its range one way only, and the
+            # harder, the farther from there the joint is.
+            tries = (stance.start, stance.bent(), stance.bent(0.5))
+            poses = [q for q in tries if self.held or stance.holds(q, [])][:1]
+            for q in poses:
+                yield self._standing("holds a pose with the least effort", [], stance.changes(q))
             if self.held:  # what falls may fall on something
-                yield self._page("holds a pose with the least effort", 0.1)
-            elif any(each.active for each in mechanism.equalities):  # which the pose in the file may not fit
+                yield self._page("holds a pose with the least effort", 0.1, changes=self.within)
+            elif any(each.active for each in mechanism.equalities) or (mechanism.actuators and not poses):
+                # The pose in the file may not fit what ties its parts, or be more than its motors can hold.
                 yield self._page("holds a pose that takes the least effort", pinned=False)
+            if not poses and self.driven:
+                title = "holds the joints that its motors move"
+                yield self._page(title, 0.05, changes=self.within, held=self.driven)
         elif mechanism.actuators and "contact" not in mechanism.options.disabled:
             # A chassis that carries wheels may stand on them alone, or on a caster as well.
             for whole in (False, True):
@@ -305,19 +319,9 @@ class _Pages:
         """Pages on which the model is left to itself for a moment."""
         title = "is let go, and moves with the least effort"
         if self.travels:
-            yield self._page(title, 0.2, ends=False, raised=round(0.5 - min(0.0, self.stance.height()), 2))
-        yield self._page(title, 0.05, ends=False)
-
-
-def _held(mechanism: Mechanism, loose: Container[int]) -> Sequence[str]:
-    """The paths of hinges and slides that are to be held where other joints are of objects; none elsewhere."""
-    if not any(joint.body in loose for joint in mechanism.joints):
-        return []
-    return [
-        path_of("joint", joint.name)
-        for joint in mechanism.joints
-        if joint.kind in ("hinge", "slide") and joint.body not in loose
-    ]
+            up = round(0.5 - min(0.0, self.stance.height()), 2)
+            yield self._page(title, 0.2, changes=self.within, ends=False, raised=up)
+        yield self._page(title, 0.05, changes=self.within, ends=False)
 
 
 def _travels(mechanism: Mechanism, loose: Container[int]) -> bool:
@@ -403,13 +407,20 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     lines += ["", "replay:", *settings] if settings else []
     lines += ["", "objective:"]
     lines += [f"  [0, n]: integral({'effort' if mechanism.actuators else '0'});"]
-    if page.pinned and page.ends:
+    if page.ends:
         weight = _GRAVITY * sum(body.mass for body in mechanism.bodies)
-        creeps = not page.feet and any(joint.frictionloss for joint in mechanism.joints)
-        still = ((_STILLNESS_AGAINST_CREEP if creeps else _STILLNESS) * weight) ** 2
+        rubs = any(joint.frictionloss for joint in mechanism.joints)
+        creeps = rubs and not page.feet
+        torque = float(f"{(_STILLNESS_AGAINST_CREEP if creeps else _STILLNESS) * weight:.1g}")
+        why = "; so much, lest dry friction lets it creep" if creeps else ""
         each = f"for j in {', '.join(page.held)}: " if page.held else ""
         joint = "{j}" if page.held else "joint.*"
-        lines += [f"  {each}[0, n]: integral({still:.1g}*{joint}'^2);      # and with little movement"]
+        # Dry friction depends on the acceleration, too, which may else alternate between frames and middles of steps.
+        moves = f"({torque:g}*{joint}')^2" + (f" + ({torque:g}*h*{joint}'')^2" if rubs else "")
+        lines += [
+            f"  # and with little movement: 1 rad/s (or 1 m/s) of a joint costs as much as {torque:g} N m (or N){why}",
+            f"  {each}[0, n]: integral({moves});",
+        ]
     return "\n".join(lines) + "\n"
 
 

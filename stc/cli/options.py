@@ -6,14 +6,13 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from stc.bundled import SOLUTION_SUFFIXES, is_solution
 from stc.cli.inputs import names_a_constant, number
 from stc.cli.searches import Search, search_options
 from stc.errors import UsageError
 from stc.records import dataclass, field
-
-#: Kinds of file that a solution is saved as.
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,18 +44,12 @@ def solve_options(
     output: str | None = None,
     optimizer: str | None = None,
     explain: bool = False,
-    guess_from: str | None = None,
-    walk: str | None = None,
-    starts: int | None = None,
-    seed: int | None = None,
-    refine: float | None = None,
     profile: bool = False,
-    until: float | None = None,
     direct: bool = False,
     threads: int | None = None,
-    workers: int | None = None,
+    **searching: Any,
 ) -> SolveOptions:
-    """Check the options of one solve before any work is done.
+    """Check the options of one solve, and of the search around it, before any work is done.
 
     Raises:
         UsageError: an invalid value, or a file that is missing or cannot be written.
@@ -74,10 +67,12 @@ def solve_options(
     if threads is not None and threads < 1:
         raise UsageError(f"--threads must be at least 1, not {threads}")
     if optimizer is not None:
-        check_optimizer(optimizer)
+        from stc.optimizers import optimizer_of
+
+        optimizer_of(optimizer)
     if profile and optimizer not in (None, "sqp"):
         raise UsageError(f"--profile works with the optimizer sqp, not with {optimizer}")
-    search = search_options(guess_from, walk, starts, seed, refine, warm_start, until, workers)
+    search = search_options(warm_start, **searching)
     if profile and search.workers > 1:
         raise UsageError("--profile measures this process and cannot be used with --workers")
     given = constants(settings)
@@ -114,17 +109,6 @@ def check_method(method: str) -> None:
         near = get_close_matches(method, METHODS, n=1)
         hint = f"did you mean `{near[0]}`?" if near else ""
         raise UsageError(f"--method must be one of {', '.join(METHODS)}, not `{method}`", hint)
-
-
-def check_optimizer(name: str) -> None:
-    """Refuse an unknown optimizer.
-
-    Raises:
-        UsageError: the message suggests the closest name.
-    """
-    from stc.optimizers import optimizer_of
-
-    optimizer_of(name)
 
 
 def constants(settings: Sequence[str] | None) -> dict[str, float]:

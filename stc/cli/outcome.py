@@ -36,7 +36,8 @@ class Outcome:
     """A solution with its file (None if it is not saved), the warnings about its spec, the reasons and the grid's
     error.
 
-    ``unsaved`` is the reason why it could not be saved; ``was_read`` says that the file existed already.
+    ``unsaved`` is the reason why it could not be saved; ``was_read`` says that the file existed already, and
+    ``brief`` that a line is enough for the figures of the solve.
     """
 
     solution: Solution
@@ -52,6 +53,7 @@ class Outcome:
     profile: Sequence[Part] = ()
     unsaved: str = ""
     was_read: bool = False
+    brief: bool = False
 
     @property
     def status(self) -> str:
@@ -92,7 +94,16 @@ class Outcome:
 
     def show(self) -> None:
         """Print the solution with its file, standard errors and grid error."""
-        console.show_solution(self.solution, self.file, self.was_read, self.uncertainty, self.grid)
+        if self.brief and self.uncertainty is None:
+            console.show_briefly(self.solution, self.file, self.was_read)
+        else:
+            console.show_solution(self.solution, self.file, self.was_read, self.uncertainty, self.grid)
+        if (
+            self.solution.message
+            and self.status != "optimal"
+            and (self.blame is None or self.status != "infeasible")
+        ):
+            print(self.solution.message)
         if self.found is not None and (in_all := self.found.in_all()):
             print(in_all)
         if self.found is not None and self.found.message:
@@ -110,7 +121,7 @@ class Outcome:
         for told in self.solution.outside:
             console.note(told)
         if self.blame is not None:
-            reasons.show_blame(self.blame)
+            print(self.blame)
         if self.explanation is not None:
             reasons.show_explanation(self.explanation)
         if self.profile:
@@ -172,7 +183,8 @@ class Ending:
             if found is None:
                 return ended(status)
             unsaved = "" if self._file is None else keep_solution(found.solution, self._file)
-            outcome = Outcome(found.solution, None if unsaved else self._file, found=found, unsaved=unsaved)
+            kept = None if unsaved else self._file
+            outcome = Outcome(found.solution, kept, found=found, unsaved=unsaved, brief=True)
         guard.settle()
         if self._as_json:
             record.write({**outcome.record(), "status": status})

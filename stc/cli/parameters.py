@@ -149,7 +149,7 @@ Threads = Annotated[
 Profile = Annotated[bool, typer.Option("--profile", help="Also print the time of each part of the solve.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Force = Annotated[
-    bool, typer.Option("--force", help="Replay the motion even if the solve did not end optimal.")
+    bool, typer.Option("--force", help="Go on with the motion even if the solve did not end optimal.")
 ]
 Report = Annotated[
     str | None,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from stc import deadline
 from stc.cli import console
@@ -13,10 +13,7 @@ if TYPE_CHECKING:
     from stc.pipeline import Model
     from stc.solution import Solution
     from stc.studies.blame import Blame
-    from stc.studies.complementarity import Complementarity
     from stc.studies.explain import Explanation, Sensitivity
-    from stc.studies.grid_error import GridError
-    from stc.studies.ringing import Ringing
     from stc.studies.uncertainty import Uncertainty
 
 #: Seconds for finding who is to blame: unasked, and when the user wants an explanation.
@@ -41,40 +38,17 @@ def find_blame(model: Model, solution: Solution, asked: bool) -> Blame | None:
     return blame(model, solution, seconds)
 
 
-def find_explanation(model: Model, solution: Solution) -> Explanation | None:
-    """Active inequalities and sensitivities of an optimal solution; None for any other."""
-    if solution.status != "optimal":
-        return None
-    from stc.studies.explain import explain
-
-    return explain(model, solution)
-
-
-def find_grid_error(solution: Solution) -> GridError | None:
-    """The estimated discretisation error; None if there is no time left, or no estimate."""
-    if deadline.left() < SHORTEST:
-        return None
+def find_remarks(solution: Solution) -> dict[str, Any]:
+    """What :class:`stc.cli.outcome.Outcome` has of the discretisation, of controls that ring, and of complementary
+    pairs of an optimal solution; as much as there is time for.
+    """
+    from stc.studies.complementarity import complementarity
     from stc.studies.grid_error import grid_error
-
-    return grid_error(solution)
-
-
-def find_ringing(solution: Solution) -> list[Ringing]:
-    """The controls that alternate from node to node; empty if there is no time to search."""
-    if deadline.left() < SHORTEST:
-        return []
     from stc.studies.ringing import ringing
 
-    return ringing(solution)
-
-
-def find_complementarity(solution: Solution) -> Complementarity | None:
-    """The residual and stationarity of complementary pairs; None if there are none, or no time."""
-    if deadline.left() < SHORTEST:
-        return None
-    from stc.studies.complementarity import complementarity
-
-    return complementarity(solution)
+    studies: dict[str, Callable[[Solution], Any]]
+    studies = {"grid": grid_error, "ringing": ringing, "complementarity": complementarity}
+    return {name: study(solution) for name, study in studies.items() if deadline.left() >= SHORTEST}
 
 
 def find_uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
@@ -89,11 +63,6 @@ def find_uncertainty(model: Model, solution: Solution) -> Uncertainty | None:
     except UsageError as reason:
         console.note(str(reason))
         return None
-
-
-def show_blame(blame: Blame) -> None:
-    """Print the statements that cause a failure, a line each."""
-    print(blame)
 
 
 def show_explanation(explanation: Explanation) -> None:

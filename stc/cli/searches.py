@@ -104,12 +104,12 @@ class Found:
 
 
 def search_options(
-    guess_from: str | None,
-    walk: str | None,
-    starts: int | None,
-    seed: int | None,
-    refine: float | None,
     warm_start: str | None,
+    guess_from: str | None = None,
+    walk: str | None = None,
+    starts: int | None = None,
+    seed: int | None = None,
+    refine: float | None = None,
     until: float | None = None,
     workers: int | None = None,
 ) -> Search:

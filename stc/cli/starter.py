@@ -92,15 +92,13 @@ def write(
         text, files = _bundled(copied)
     if seconds is not None and model is None:
         raise UsageError("`--time-limit` is for the pages that `--model` tries")
+    _none_there([path, *(path.parent / file.name for file in files)])
     if model is not None:
         from stc.cli.model_starter import starter
 
         text = starter(model, path, seconds)
     ready_to_write(path, "stc new", tell=False)
     written = {path: text, **{path.parent / file.name: file.read_text(encoding="utf-8") for file in files}}
-    for target in written:
-        if target.exists():
-            raise UsageError(f"`{target}` exists already; nothing was written")
     for target, content in written.items():
         try:
             with target.open("x", encoding="utf-8") as file:
@@ -108,6 +106,13 @@ def write(
         except FileExistsError:
             raise UsageError(f"`{target}` exists already; it was not replaced") from None
     return path
+
+
+def _none_there(targets: list[Path]) -> None:
+    """Refuse to write over files, before any time is spent on what is to stand in them."""
+    for target in targets:
+        if target.exists():
+            raise UsageError(f"`{target}` exists already; nothing was written")
 
 
 def _bundled(name: str) -> tuple[str, list[Path]]:

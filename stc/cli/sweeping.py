@@ -115,9 +115,9 @@ def _told(found: Sweep | None, name: str, folder: Path, why: str, as_json: bool)
             console.note(f"point {index}, {at}: {facts[index]['message']}")
         if len(bad) > _MOST:
             console.note(f"{len(bad) - _MOST} more points are not good; the table has all")
-        print(
-            f"table: {folder / 'table.csv'}{'; plot: ' + str(folder / 'plot.png') if found.complete else ''}"
-        )
+        # Of a sweep that was interrupted while it was drawn there is none.
+        drawn = found.complete and (folder / "plot.png").is_file()
+        print(f"table: {folder / 'table.csv'}{'; plot: ' + str(folder / 'plot.png') if drawn else ''}")
     if why:
         console.note(why)
     return GOOD if good else BAD

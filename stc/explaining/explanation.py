@@ -340,7 +340,8 @@ class _Explaining:
         note = (
             f"no weights of {named} lead to this motion: "
             + ("none was solved" if weighed is None else f"the best explain {_percent(explained)} of its way")
-            + ".  The spec follows the recording instead"
+            + ".  The spec follows the recording instead.  If the motion had to pass places at certain times, state "
+            "those under `constraints:`"
         )
         effort = "effort" if any(term.name == "effort" for term in self.made.terms) else "acceleration"
         head = [

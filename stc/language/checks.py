@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from stc.language.diagnostics import Diagnostics
 from stc.language.name_table import NameTable
 from stc.problem import ConstantRef, DefinitionRef, ParameterRef, Problem, VariableRef
 from stc.rates import time_derivative
-from stc.symbolic.expr import Expr, symbols
+from stc.symbolic.expr import Expr, evaluate, symbols
+from stc.symbolic.traverse import reachable
 
 Place = tuple[int, int]
+
+#: Angles that are given as multiples of five between these numbers are probably meant in degrees: two turns and more.
+_LEAST_DEGREES, _MOST_DEGREES = 15.0, 360.0
 
 
 def warn(
@@ -23,6 +28,11 @@ def warn(
     if problem.method == "central":
         _uncoupled(orders, first_use, diagnostics)
     _idle_jumps(problem, orders, diagnostics)
+    _degrees(problem, diagnostics)
+    pull, place = problem.constants.get("option.gravity.z", 0.0), problem.model_span
+    if problem.of_model and pull > 0.0 and place is not None:
+        hint = "z is up, and the gravity of the earth is -9.81: is a minus missing?"
+        diagnostics.warning(f"gravity pulls upwards, by {pull:g} m/s^2", place.start, place.end, hint)
 
 
 def derivative_orders(problem: Problem) -> dict[str, dict[int, Place]]:
@@ -95,3 +105,27 @@ def _idle_jumps(
             shown = jump.name + "'" * jump.order
             message = f"`{shown}` is used nowhere, so its jump changes nothing"
             diagnostics.warning(message, jump.span.start, jump.span.end)
+
+
+def _degrees(problem: Problem, diagnostics: Diagnostics) -> None:
+    """Limits that look like degrees, of variables whose sines or cosines are taken, alone or in sums."""
+    given = []
+    for relation in problem.relations:
+        if relation.body.op != "sym" or not isinstance(relation.body.payload, VariableRef):
+            continue
+        for end in (relation.lower, relation.upper):
+            keys = () if end is None else symbols(end)
+            if end is not None and all(isinstance(key, ConstantRef) for key in keys):
+                value = float(evaluate(end, {key: problem.constants[key.name] for key in keys}))
+                if _LEAST_DEGREES <= abs(value) <= _MOST_DEGREES and value % 5.0 == 0.0:
+                    given.append((relation, value))
+                    break
+    nodes = reachable(relation.body for relation in problem.relations) if given else []
+    sums = [reachable(node.args) for node in nodes if node.op in ("sin", "cos")]
+    plain = [parts for parts in sums if all(part.op in ("add", "sub", "neg", "sym", "num") for part in parts)]
+    angles = {part.payload for parts in plain for part in parts if part.op == "sym"}
+    for relation, value in given:
+        if relation.body.payload in angles:
+            message = f"`{relation.body.payload}` is an angle in rad: {value:g} rad are {value / math.tau:.1f} turns"
+            hint = f"if degrees are meant, write `{value:g}*pi/180`"
+            diagnostics.warning(message, relation.span.start, relation.span.end, hint)

@@ -96,7 +96,7 @@ def nearest_name(name: str, candidates: Iterable[str]) -> str | None:
                 continue  # everything of two letters is one slip from a name of one letter
             # the later in the word the slip, the likelier
             same = next((k for k, (x, y) in enumerate(zip(name, candidate)) if x != y), len(candidate))
-            score -= 0.01 * same
+            score -= 0.01 * same + 0.01 * (name == 2 * candidate)
         if score < best_score:
             best, best_score = candidate, score
     return best

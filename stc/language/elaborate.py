@@ -366,7 +366,10 @@ class Elaborator(Context):
                     self.diagnostics.warning(message, statement.start, statement.end, hint)
 
     def _structural(self, e: Expr) -> float | None:
-        """The value of an expression of constants, which then becomes structural; None for other expressions."""
+        """The value of an expression of constants alone; None for other expressions.
+
+        These constants become structural: another value of one of them needs another transcription.
+        """
         values: dict[object, float] = {}
         for key in symbols(e):
             value = self.positions.structural_value(key.name) if isinstance(key, ConstantRef) else None

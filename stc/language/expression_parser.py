@@ -7,6 +7,8 @@ Operators from lowest to highest precedence: ``+ -``, ``* /``, unary ``-``, ``^`
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TypeVar
 
 from stc.language import syntax
 from stc.language.diagnostics import Diagnostics, did_you_mean
@@ -21,6 +23,9 @@ MAXIMUM_HINT = "what stands under `objective:` is minimised: for the largest `e`
 
 RELATIONS = frozenset(("=", "<=", ">="))
 OPERAND_STARTS = frozenset(("name", "number", "(", "string"))
+
+
+T = TypeVar("T")
 
 
 class Misread(Exception):
@@ -52,6 +57,30 @@ class ExpressionParser:
 
     def token_text(self, index: int) -> str:
         return self.text[self.starts[index] : self.ends[index]]
+
+    @property
+    def word(self) -> str:
+        """The current token's text if it is a name; else empty."""
+        return self.token_text(self.at) if self.kind == "name" else ""
+
+    def takes(self, word: str) -> bool:
+        """Whether a word or sign follows, which is then read."""
+        found = word in (self.word, self.kind)
+        if found:
+            self.advance()
+        return found
+
+    def separated(self, read: Callable[[], T]) -> list[T]:
+        """What stands between commas, one thing at least."""
+        found = [read()]
+        while self.takes(","):
+            found.append(read())
+        return found
+
+    @property
+    def end(self) -> int:
+        """The end of what was read last."""
+        return self.ends[self.at - 1]
 
     def described(self) -> str:
         """The current token as a message names it."""
@@ -284,21 +313,14 @@ class ExpressionParser:
 
     def vector(self, opening: int, first: syntax.Expression) -> syntax.Vector:
         """The rest of a vector, of which the first component has been read."""
-        items = [first]
-        while self.kind == ",":
-            self.advance()
-            items.append(self.expression())
+        self.advance()
+        items = [first, *self.separated(self.expression)]
         return syntax.Vector(self.starts[opening], self.ends[min(self.at, len(self.ends) - 1)], items)
 
     def call(self, at: int, name: str) -> syntax.Expression:
         opening = self.at
         self.advance()
-        arguments: list[syntax.Expression] = []
-        if self.kind != ")":
-            arguments.append(self.expression())
-            while self.kind == ",":
-                self.advance()
-                arguments.append(self.expression())
+        arguments = [] if self.kind == ")" else self.separated(self.expression)
         if self.kind != ")":
             self.fail_unclosed(opening, ")")
         self.advance()

@@ -7,6 +7,8 @@ that one run reports all of them.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from functools import partial
 
 from stc.errors import Source, SpecError
 from stc.language import syntax
@@ -112,8 +114,7 @@ class _Parser(ExpressionParser):
 
     def end_statement(self, what: str) -> None:
         """Read the ``;`` after ``what``; at the end of a line without one, add a mistake and continue."""
-        if self.kind == ";":
-            self.advance()
+        if self.takes(";"):
             return
         on_new_line = self.on_new_line()
         starts_something = (
@@ -220,7 +221,7 @@ class _Parser(ExpressionParser):
                 elif self.kind == ";":
                     self.advance()
                 else:
-                    statement(blocks[-1].statements)
+                    blocks[-1].statements += statement()
             except Misread:
                 self.depth = 0
                 self.skip_statement(first, kind.declares)
@@ -233,9 +234,7 @@ class _Parser(ExpressionParser):
         last: syntax.Expression | None = None
         try:
             first = self.expression()
-            if self.kind == ",":
-                self.advance()
-                last = self.expression()
+            last = self.expression() if self.takes(",") else None
             if self.kind != "]":
                 wanted = "`,` or `]`" if last is None else "`]`"
                 message = f"expected {wanted} in a range header, found {self.described()}"
@@ -257,7 +256,7 @@ class _Parser(ExpressionParser):
         self.advance()
         return node
 
-    def declarations(self, into: list[syntax.Statement], what: str, valued: bool) -> None:
+    def declarations(self, what: str, valued: bool) -> Iterator[syntax.Statement]:
         while True:
             if self.kind == "number" and (hint := self.decimal_hint(self.at - 1)):
                 raise self.fail(f"expected the name of a {what}, found {self.described()}", hint)
@@ -280,14 +279,10 @@ class _Parser(ExpressionParser):
                     )
                 self.advance()
                 value = self.expression()
-            into.append(
-                syntax.Declaration(name.start, self.ends[self.at - 1], name, value if valued else None)
-            )
-            if self.kind == ",":
-                self.advance()
+            yield syntax.Declaration(name.start, self.end, name, value if valued else None)
+            if self.takes(","):
                 continue
-            if self.kind == ";":
-                self.advance()
+            if self.takes(";"):
                 return
             last = self.at - 1
             head_follows = self.kind == "end" or self.section_head_at(self.at)
@@ -305,45 +300,46 @@ class _Parser(ExpressionParser):
                 self.fail_after_operand("`,` or `;`")
             raise self.fail(f"expected `,` or `;` after `{name.name}`, found {self.described()}")
 
-    def constants_statement(self, into: list[syntax.Statement]) -> None:
-        self.declarations(into, "constant", True)
+    def constants_statement(self) -> Iterator[syntax.Statement]:
+        return self.declarations("constant", True)
 
-    def variables_statement(self, into: list[syntax.Statement]) -> None:
-        self.declarations(into, "variable", False)
+    def variables_statement(self) -> Iterator[syntax.Statement]:
+        return self.declarations("variable", False)
 
-    def parameters_statement(self, into: list[syntax.Statement]) -> None:
-        self.declarations(into, "parameter", False)
+    def parameters_statement(self) -> Iterator[syntax.Statement]:
+        return self.declarations("parameter", False)
 
     def name_or_path(self, what: str) -> syntax.Name:
         """A name, or the path of an element of the model."""
         name = self.name(what)
         return self.path(self.at - 1) if self.kind == "." else name
 
-    def assignment(self, into: list[syntax.Statement], what: str, hint: str) -> None:
-        name = self.name_or_path(f"the name of a {what}")
-        if self.kind in ("prime", "["):
+    def ended(self, statement: syntax.Statement, what: str) -> list[syntax.Statement]:
+        """A statement that has been read, and the ``;`` after it."""
+        self.end_statement(what)
+        return [statement]
+
+    def assignment(self, what: str, sign: str = "=", hint: str = "") -> syntax.Assignment:
+        """``name = value``, the name or path being ``what``; ``hint`` is for what has primes or an index."""
+        name = self.name_or_path(what)
+        if hint and self.kind in ("prime", "["):
             raise self.fail(f"expected `=` after `{name.name}`, found {self.described()}", hint)
-        self.expect("=", f"`=` after `{name.name}`")
+        self.expect(sign, f"`{sign}` after `{name.name}`")
         value = self.expression()
-        found = syntax.Assignment(name.start, self.ends[self.at - 1], name, value)
-        self.end_statement(f"the {what}")
-        into.append(found)
+        return syntax.Assignment(name.start, self.end, name, value)
 
-    def definitions_statement(self, into: list[syntax.Statement]) -> None:
-        self.assignment(into, "definition", "a definition is a plain name")
+    def definitions_statement(self) -> list[syntax.Statement]:
+        found = self.assignment("the name of a definition", hint="a definition is a plain name")
+        return self.ended(found, "the definition")
 
-    def guess_statement(self, into: list[syntax.Statement]) -> None:
+    def guess_statement(self) -> list[syntax.Statement]:
         if self.pose_at_hand():
-            into.append(self.pose())
-            self.end_statement("the pose")
-            return
+            return self.ended(self.pose(), "the pose")
         if self.kind == "name" and self.kinds[self.at + 1] == ";":
             name = self.name("the name of a data set")
-            into.append(syntax.GuessFrom(name.start, name.end, name))
-            self.end_statement("the guess")
-            return
+            return self.ended(syntax.GuessFrom(name.start, name.end, name), "the guess")
         hint = "derivatives start from differences of the guessed values; frames go into a header before it"
-        self.assignment(into, "guess", hint)
+        return self.ended(self.assignment("the name of a guess", hint=hint), "the guess")
 
     def relation(self) -> syntax.Relation:
         start = self.starts[self.at]
@@ -355,17 +351,13 @@ class _Parser(ExpressionParser):
             operands.append(self.expression())
         return syntax.Relation(start, self.ends[self.at - 1], operands, operators)
 
-    def constraints_statement(self, into: list[syntax.Statement]) -> None:
+    def constraints_statement(self) -> list[syntax.Statement]:
         if self.pose_at_hand():
-            into.append(self.pose())
-            self.end_statement("the pose")
-            return
+            return self.ended(self.pose(), "the pose")
         found = self.relation()
-        if self.kind == "name" and self.token_text(self.at) == COMPLEMENTS:
-            into += self.complementarity(found)
-            return
-        self.end_statement("the constraint")
-        into.append(found)
+        return (
+            self.complementarity(found) if self.word == COMPLEMENTS else self.ended(found, "the constraint")
+        )
 
     def pose_at_hand(self) -> bool:
         """Whether a pose follows: a single name of one, or something that only poses have."""
@@ -389,36 +381,30 @@ class _Parser(ExpressionParser):
         start = self.starts[self.at]
         found = syntax.Pose(start, start, self.name_or_path("the name of a pose, as in `keyframe.stand`"))
         while True:
-            word = self.token_text(self.at) if self.kind == "name" else self.kind
-            if word == "+":
-                self.advance()
+            if self.takes("+"):
                 shift = self.expression()
                 if not isinstance(shift, syntax.Vector):
                     hint = "write three components in parentheses, as in `keyframe.stand + (0.5, 0, 0)`"
                     self.diagnostics.error("a pose is moved by a vector", shift.start, shift.end, hint)
                     raise Misread
                 found.shift = shift
-            elif word in ("mirrored", "grounded"):
-                self.advance()
-                if word == "mirrored":
-                    found.mirrored = True
-                else:
-                    found.grounded = True
-            elif word == "turned":
-                self.advance()
+            elif self.takes("mirrored"):
+                found.mirrored = True
+            elif self.takes("grounded"):
+                found.grounded = True
+            elif self.takes("turned"):
                 found.angle = self.expression()
-                if self.kind != "name" or self.token_text(self.at) != "about":
+                if not self.takes("about"):
                     raise self.fail(
                         f"expected `about` and an axis, found {self.described()}", "as in `about z`"
                     )
-                self.advance()
                 found.axis = self.factor()
             else:
                 break
-        found.end = self.ends[self.at - 1]
+        found.end = self.end
         return found
 
-    def complementarity(self, one: syntax.Relation) -> list[syntax.Relation]:
+    def complementarity(self, one: syntax.Relation) -> list[syntax.Statement]:
         """``0 <= a complements b >= 0``: both relations, and their product."""
         self.advance()
         both = one, self.relation()
@@ -438,17 +424,13 @@ class _Parser(ExpressionParser):
         product = syntax.Relation(start, end, [spared, syntax.Number(start, end, 0.0)], ["<="], written, True)
         return [*both, product]
 
-    def objective_statement(self, into: list[syntax.Statement]) -> None:
-        found = self.relation()
-        self.end_statement("the objective term")
-        into.append(found)
+    def objective_statement(self) -> list[syntax.Statement]:
+        return self.ended(self.relation(), "the objective term")
 
-    def lagrangian_statement(self, into: list[syntax.Statement]) -> None:
-        found = self.relation()
-        self.end_statement("the Lagrangian")
-        into.append(found)
+    def lagrangian_statement(self) -> list[syntax.Statement]:
+        return self.ended(self.relation(), "the Lagrangian")
 
-    def model_statement(self, into: list[syntax.Statement]) -> None:
+    def model_statement(self) -> list[syntax.Statement]:
         start = self.starts[self.at]
         path = self.string('the name of a model file in quotes, as in `model: "robot.xml";`')
         listed: dict[str, list[syntax.Name]] = {"with": [], "without": []}
@@ -456,108 +438,68 @@ class _Parser(ExpressionParser):
             "with": "what to add to the model, as in `with floor`",
             "without": "what to leave out of the model, as in `without fluid`",
         }
-        while self.kind == "name" and (word := self.token_text(self.at)) in listed:
+        while (word := self.word) in listed:
             self.advance()
-            listed[word].append(self.name(wanted[word]))
-            while self.kind == ",":
-                self.advance()
-                listed[word].append(self.name(wanted[word]))
-        into.append(syntax.ModelFile(start, self.ends[self.at - 1], path, listed["without"], listed["with"]))
-        self.end_statement("the model")
+            listed[word] += self.separated(partial(self.name, wanted[word]))
+        found = syntax.ModelFile(start, self.end, path, listed["without"], listed["with"])
+        return self.ended(found, "the model")
 
-    def poses_statement(self, into: list[syntax.Statement]) -> None:
+    def poses_statement(self) -> list[syntax.Statement]:
         name = self.name("the name of a pose, as in `crouch = keyframe.stand, joint.knee = 1.9;`")
         self.expect("=", f"`=` after `{name.name}`")
         pose = self.pose()
-        changes: list[syntax.Assignment] = []
-        while self.kind == ",":
-            self.advance()
-            of = self.name_or_path("a coordinate, as in `joint.knee = 1.9`")
-            self.expect("=", f"`=` after `{of.name}`")
-            value = self.expression()
-            changes.append(syntax.Assignment(of.start, self.ends[self.at - 1], of, value))
-        into.append(syntax.PoseDefinition(name.start, self.ends[self.at - 1], name, pose, changes))
-        self.end_statement("the pose")
+        change = partial(self.assignment, "a coordinate, as in `joint.knee = 1.9`")
+        changes = self.separated(change) if self.takes(",") else []
+        return self.ended(syntax.PoseDefinition(name.start, self.end, name, pose, changes), "the pose")
 
-    def forces_statement(self, into: list[syntax.Statement]) -> None:
-        name = self.name_or_path("the name of a coordinate, as in `q: u - c*q';`")
-        self.expect(":", f"`:` after `{name.name}`")
-        value = self.expression()
-        found = syntax.Assignment(name.start, self.ends[self.at - 1], name, value)
-        self.end_statement("the force")
-        into.append(found)
+    def forces_statement(self) -> list[syntax.Statement]:
+        return self.ended(self.assignment("the name of a coordinate, as in `q: u - c*q';`", ":"), "the force")
 
-    def contact_statement(self, into: list[syntax.Statement]) -> None:
+    def contact_statement(self) -> list[syntax.Statement]:
         name = self.name("the name of a contact, as in `sole = foot(x, z, th), half = 0.1, friction = 0.6;`")
-        if self.kind != "=":
-            into.append(self.contact_place(name))
-            return
-        self.advance()
+        if not self.takes("="):
+            return self.ended(self.contact_place(name), "the place of the contact")
         kind = self.name("a kind of contact, as in `foot(x, z, th)`")
         self.expect("(", f"`(` after `{kind.name}`")
-        pose = [self.expression()]
-        while self.kind == ",":
-            self.advance()
-            pose.append(self.expression())
+        pose = self.separated(self.expression)
         self.expect(")", "`)` after the pose of the contact")
-        options: list[tuple[syntax.Name, syntax.Expression | None]] = []
-        while self.kind == ",":
-            self.advance()
-            option = self.name("an option, as in `friction = 0.6`")
-            value: syntax.Expression | None = None
-            if self.kind == "=":
-                self.advance()
-                value = self.expression()
-            options.append((option, value))
-        found = syntax.ContactDeclaration(name.start, self.ends[self.at - 1], name, kind, pose, options)
-        self.end_statement("the contact")
-        into.append(found)
+        options = self.separated(self.contact_option) if self.takes(",") else []
+        found = syntax.ContactDeclaration(name.start, self.end, name, kind, pose, options)
+        return self.ended(found, "the contact")
+
+    def contact_option(self) -> tuple[syntax.Name, syntax.Expression | None]:
+        option = self.name("an option, as in `friction = 0.6`")
+        return option, self.expression() if self.takes("=") else None
 
     def contact_place(self, name: syntax.Name) -> syntax.ContactPlace:
-        at: list[syntax.Expression] = []
         on: syntax.Name | None = None
-        if self.kind == "name" and self.token_text(self.at) == "on":
-            self.advance()
+        if self.takes("on"):
             on = self.name_or_path("a surface of the model, as in `on geom.box`")
-        if self.kind == "name" and self.token_text(self.at) == "at":
-            self.advance()
-            at.append(self.expression())
-            while self.kind == "," and len(at) < 3:
-                self.advance()
-                at.append(self.expression())
-        slides: syntax.Name | None = None
-        if self.kind == "name" and self.token_text(self.at) == "slides":
-            self.advance()
-            slides = self.name("which way, as in `slides forward`")
-        found = syntax.ContactPlace(name.start, self.ends[self.at - 1], name, at, on, slides)
-        self.end_statement("the place of the contact")
-        return found
+        at = self.separated(self.expression) if self.takes("at") else []
+        for surplus in at[3:]:
+            self.diagnostics.error("a place has three numbers at most", surplus.start, surplus.end)
+            raise Misread
+        slides = self.name("which way, as in `slides forward`") if self.takes("slides") else None
+        return syntax.ContactPlace(name.start, self.end, name, at, on, slides)
 
-    def jumps_statement(self, into: list[syntax.Statement]) -> None:
+    def jumps_statement(self) -> list[syntax.Statement]:
         start = self.starts[self.at]
-        quantities = [self.expression()]
-        while self.kind == ",":
-            self.advance()
-            quantities.append(self.expression())
-        found = syntax.JumpList(start, self.ends[self.at - 1], quantities)
-        self.end_statement("the last quantity")
-        into.append(found)
+        quantities = self.separated(self.expression)
+        return self.ended(syntax.JumpList(start, self.end, quantities), "the last quantity")
 
-    def data_statement(self, into: list[syntax.Statement]) -> None:
+    def data_statement(self) -> list[syntax.Statement]:
         from stc.language.data_parser import data_statement
 
-        data_statement(self, into)
+        return self.ended(*data_statement(self))
 
-    def method_statement(self, into: list[syntax.Statement]) -> None:
+    def method_statement(self) -> list[syntax.Statement]:
         start = self.starts[self.at]
         text = self.name(f"a method ({', '.join(METHODS)})").name
         while self.kind == "-" or (self.kind == "name" and not self.section_head_at(self.at)):
             joined = self.kind == "-" or self.kinds[self.at - 1] == "-"
             text += self.token_text(self.at) if joined else f" {self.token_text(self.at)}"
             self.advance()
-        found = syntax.MethodChoice(start, self.ends[self.at - 1], text)
-        self.end_statement("the method")
-        into.append(found)
+        return self.ended(syntax.MethodChoice(start, self.end, text), "the method")
 
     def string(self, what: str) -> str:
         if self.kind != "string":
@@ -566,16 +508,13 @@ class _Parser(ExpressionParser):
         self.advance()
         return text
 
-    def replay_statement(self, into: list[syntax.Statement]) -> None:
+    def replay_statement(self) -> list[syntax.Statement]:
         start = self.starts[self.at]
         word = self.name("`model`, `joint`, `actuator`, `apply`, `contact`, `compare` or `set`")
         if word.name == "model":
             self.expect("=", "`=` after `model`")
             path = self.string('the name of a model file in quotes, as in `model = "cart.xml";`')
-            model = syntax.ModelFile(start, self.ends[self.at - 1], path)
-            self.end_statement("the model")
-            into.append(model)
-            return
+            return self.ended(syntax.ModelFile(start, self.end, path), "the model")
         if word.name not in REPLAY_KINDS:
             known = ("model", *REPLAY_KINDS)
             hint = did_you_mean(word.name, known) or "lines start with " + ", ".join(
@@ -584,14 +523,12 @@ class _Parser(ExpressionParser):
             self.diagnostics.error(f"`{word.name}` is not a kind of replay line", word.start, word.end, hint)
             raise Misread
         path_parts = [self.path_part(word.name)]
-        while self.kind == ".":
-            self.advance()
+        while self.takes("."):
             path_parts.append(self.path_part(word.name))
         self.expect("=", f"`=` after the path of `{word.name}`")
         value = self.expression()
-        found = syntax.Channel(start, self.ends[self.at - 1], word.name, tuple(path_parts), value)
-        self.end_statement("the replay line")
-        into.append(found)
+        found = syntax.Channel(start, self.end, word.name, tuple(path_parts), value)
+        return self.ended(found, "the replay line")
 
     def path_part(self, kind: str) -> str:
         if self.kind == "string":

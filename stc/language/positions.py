@@ -146,7 +146,9 @@ class Positions:
             else:
                 message, hint = f"the range {shown} holds no whole number", "a range is `[first, last]:`"
                 if low > high:
-                    hint = "its ends seem to be swapped"
+                    # Too small a number of frames makes ends cross that were rounded from shares of it.
+                    broken = [node for node, end in ((header.first, low), (header.last, high)) if end % 1.0]
+                    hint = (self._not_whole(broken[0]) if broken else "") or "its ends seem to be swapped"
             self.diagnostics.error(message, header.start, header.end, hint)
             return None
         if first < 0 or last > n:

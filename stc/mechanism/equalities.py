@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from stc.mechanism.dynamics import Dynamics
 from stc.mechanism.forces import Forces, Transmission, Wrench
-from stc.mechanism.mechanism import Equality, Mechanism
+from stc.mechanism.mechanism import Equality
 from stc.mechanism.transmissions import second_rate
 from stc.mechanism.tree import Frame
 from stc.mechanism.vectors import Vector, minus, negative, product, scaled, transposed, vector
@@ -149,40 +149,3 @@ def _line(dynamics: Dynamics, equality: Equality, index: int) -> tuple[Transmiss
     dof = joint.dof
     line = Transmission(motion.q[joint.qpos], motion.v[dof], {dof: num(1.0)})
     return line, joint.reference[0], motion.a[dof]
-
-
-@dataclass(frozen=True, slots=True)
-class Follower:
-    """A coordinate that a joint equality makes a function of another coordinate.
-
-    Attributes:
-        q, v, a: the coordinate, its velocity and acceleration.
-        slope: its derivative by the leading coordinate, which carries its generalised force: where the joint's residual
-            is r, the leading joint's gets slope * r added to it.
-    """
-
-    q: Expr
-    v: Expr
-    a: Expr
-    slope: Expr
-
-
-def follower(mechanism: Mechanism, equality: Equality, q: Expr, v: Expr, a: Expr) -> Follower:
-    """The first joint of a joint equality as a function of the motion of the second, or constant without a second one.
-
-    Raises:
-        ValueError: it is not a joint equality.
-    """
-    if equality.kind != "joint":
-        raise ValueError(f"equality {equality.name} of kind {equality.kind} eliminates no coordinate")
-    start = num(mechanism.joints[equality.first].reference[0])
-    if equality.second < 0:
-        return Follower(add(start, num(equality.data[0])), ZERO, ZERO, ZERO)
-    other = num(mechanism.joints[equality.second].reference[0])
-    value, slope, bend = _polynomial(equality.data[:5], sub(q, other))
-    return Follower(
-        q=add(start, value),
-        v=mul(slope, v),
-        a=add(mul(slope, a), mul(bend, mul(v, v))),
-        slope=slope,
-    )

@@ -17,12 +17,7 @@ from stc.solver.nlp import NLP, Floats, Ints, Mask
 from stc.solver.products import at_bounds
 from stc.solver.residuals import Assessment, assess, signed_violations
 
-__all__ = [
-    "assess_point",
-    "estimate_multipliers",
-    "signed_least_squares",
-    "stationary_violation",
-]
+__all__ = ["assess_point", "bounded_least_squares", "stationary_violation"]
 
 SLACKS = (1e-8, 1e-6, 1e-4, 1e-2)
 """Distances to a bound, relative to ``max(1, |bound|)``, below which it is tried as active."""
@@ -52,11 +47,6 @@ def assess_point(nlp: NLP, x: Floats, good_enough: float = 0.0) -> tuple[Floats,
             break
     assert best is not None
     return best
-
-
-def estimate_multipliers(nlp: NLP, x: Floats, slack: float = 1e-6) -> Floats:
-    """Row multipliers (m,) of least error at ``x`` (n,), zero on rows farther than ``slack`` from their bounds."""
-    return _fit(nlp, x, 1.0, *_active(nlp, x, slack))
 
 
 def stationary_violation(nlp: NLP, x: Floats, weights: Floats) -> tuple[float, Floats]:
@@ -119,73 +109,21 @@ def _fit(
     lower = np.where(signs_low, -np.inf, 0.0)
     upper = np.where(signs_high, np.inf, 0.0)
     shape = (len(wanted), len(active) + len(at_one))
-    solution = _bounded_least_squares(rows, cols, values, shape, -gradient[wanted], lower, upper)
+    solution = bounded_least_squares(rows, cols, values, shape, -gradient[wanted], lower, upper)
     y[active] = solution[: len(active)] / norm[active]
     return y
 
 
-def _bounded_least_squares(
+def bounded_least_squares(
     rows: Ints, cols: Ints, values: Floats, shape: tuple[int, int], rhs: Floats, lower: Floats, upper: Floats
 ) -> Floats:
     """``min |A s - rhs|`` over ``lower <= s <= upper``, bounds 0 or infinite; A has every entry once."""
+    from scipy.optimize import lsq_linear
+    from scipy.sparse import csr_array
+
+    matrix = csr_array((values, (rows, cols)), shape=shape)
     if shape[0] * shape[1] > DENSE_ENTRIES:
-        from scipy.optimize import lsq_linear
-        from scipy.sparse import csr_matrix
-
-        sparse = csr_matrix((values, (rows, cols)), shape=shape)
-        answer = lsq_linear(sparse, rhs, (lower, upper), method="trf", lsmr_tol="auto", tol=1e-12)
-        return np.asarray(answer.x, dtype=float)
-    flip = np.where(np.isneginf(lower) & (upper == 0.0), -1.0, 1.0)
-    matrix = np.zeros(shape)
-    matrix[rows, cols] = values * flip[cols]
-    free = np.isneginf(lower) & np.isposinf(upper)
-    return flip * signed_least_squares(matrix, rhs, free)
-
-
-def signed_least_squares(matrix: Floats, rhs: Floats, free: Mask) -> Floats:
-    """``min |A s - rhs|`` over ``s >= 0``, entries marked ``free`` of any sign.
-
-    C. L. Lawson and R. J. Hanson, Solving Least Squares Problems, 1974, algorithm NNLS, begun from the entries that
-    are positive without the signs.
-
-    Args:
-        matrix: A, (rows, k).
-        rhs: (rows,).
-        free: (k,).
-    """
-    k = matrix.shape[1]
-    s = np.zeros(k)
-    used = free | (_least_squares(matrix, rhs, np.ones(k, bool)) > 0.0)
-    tolerance = 1e-13 * float(np.linalg.norm(matrix)) * float(np.linalg.norm(rhs))
-    for _ in range(3 * k + 10):
-        s, used = _towards(matrix, rhs, free, s, used)
-        pull = matrix.T @ (rhs - matrix @ s)
-        pull[used] = -np.inf
-        best = int(np.argmax(pull)) if k else 0
-        if not k or pull[best] <= tolerance:
-            break
-        used[best] = True
-    return s
-
-
-def _towards(matrix: Floats, rhs: Floats, free: Mask, s: Floats, used: Mask) -> tuple[Floats, Mask]:
-    """Go to the least-squares solution in the entries used, dropping entries that reach zero."""
-    while True:
-        goal = _least_squares(matrix, rhs, used)
-        wrong = used & ~free & (goal < 0.0)
-        if not wrong.any():
-            return goal, used
-        share = s[wrong] / (s[wrong] - goal[wrong])
-        step = float(share.min())
-        s = s + step * (goal - s)
-        blocked = np.flatnonzero(wrong)[share <= step]
-        s[blocked] = 0.0
-        used = used.copy()
-        used[blocked] = False
-
-
-def _least_squares(matrix: Floats, rhs: Floats, used: Mask) -> Floats:
-    s = np.zeros(matrix.shape[1])
-    if used.any():
-        s[used] = np.linalg.lstsq(matrix[:, used], rhs, rcond=1e-12)[0]
-    return s
+        answer = lsq_linear(matrix, rhs, (lower, upper), method="trf", lsmr_tol="auto", tol=1e-12)
+    else:
+        answer = lsq_linear(matrix.toarray(), rhs, (lower, upper), method="bvls", tol=1e-14)
+    return np.asarray(answer.x, dtype=float)

@@ -130,7 +130,7 @@ class Formulation(ABC):
 
     @cached_property
     def attached_kkt(self) -> KKTSystem:
-        """``kkt``, or what it stands for, which takes less time to reach."""
+        """``kkt`` without the wrapper that it may have: the system itself is called more quickly."""
         return self.kkt.system if isinstance(self.kkt, StructuredKKT) else self.kkt
 
     @cached_property

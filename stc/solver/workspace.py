@@ -50,7 +50,7 @@ class Filter:
         function("line_search_add")(self.structure, theta, phi)
 
     def accepts(self, theta: float, phi: float) -> bool:
-        """True when no pair dominates the point."""
+        """Whether no pair that was added forbids a point with the violation ``theta`` and the objective ``phi``."""
         return function("line_search_accepts")(self.structure, theta, phi) != 0
 
 

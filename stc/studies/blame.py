@@ -17,6 +17,7 @@ from stc.language.syntax import Node, statement_text
 from stc.problem import ConstantRef, ParameterRef
 from stc.records import dataclass, field
 from stc.solver.convexity import is_convex
+from stc.solver.status import STILL_FALLING
 from stc.studies.conflict import Conflict, find_conflict
 from stc.studies.relaxation import Relaxation, needed_relaxation
 from stc.studies.standouts import dependent_rows, largest_residuals, undefined_nearby
@@ -36,7 +37,7 @@ __all__ = ["Blame", "Culprit", "blame"]
 #: Statements hold whose violation, scaled as the solver does, is at most this: the limit of the validation.
 _MET = 1e-6
 #: Statements listed under one heading, and lines in all.
-MOST, MOST_LINES = 6, 20
+MOST, MOST_LINES = 6, 8
 
 #: Characters of a statement that are shown in a line.
 LONGEST = 70
@@ -92,9 +93,14 @@ class Blame:
         return asdict(self)
 
     def __str__(self) -> str:
-        lines = [self.summary, *(f"  {one.text}" for one in self.culprits[:MOST_LINES])]
-        if len(self.culprits) > MOST_LINES:
-            lines.append(f"  and {len(self.culprits) - MOST_LINES} more")
+        # Of a set that may not be minimal, those that were found to miss are enough.
+        known = sum(one.residual is not None for one in self.culprits) if self.minimal is False else 0
+        most = min(known, MOST_LINES) or MOST_LINES
+        lines = [self.summary, *(f"  {one.text}" for one in self.culprits[:most])]
+        if rest := self.culprits[most:]:
+            numbers = sorted({one.line for one in rest if one.line})
+            places = f", on line{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}" if numbers else ""
+            lines.append(f"  and {len(rest)} more{places}")
         return "\n".join(lines)
 
 
@@ -107,12 +113,12 @@ def blame(model: Model, solution: Solution, time_limit: float = 10.0) -> Blame |
         time_limit: seconds that the search for a minimal conflict may take.
 
     Returns:
-        The statements to blame, or None for a solution that is optimal, unbounded or was interrupted.
+        The statements to blame, or None for a solution that is optimal or unbounded.
 
     Raises:
         SpecError, UsageError: the model is of another spec than the solution.
     """
-    if solution.status in ("optimal", "unbounded", "interrupted"):
+    if solution.status in ("optimal", "unbounded"):
         return None
     begin = time.perf_counter()
     problem, transcription = model.transcription(solution.method, **solution.overrides)
@@ -140,7 +146,7 @@ class _Search:
         self.y = solution.row_multipliers if good else np.zeros(bound.m)
 
     def run(self, time_limit: float) -> Blame:
-        self.deadline = time.perf_counter() + 1.5 * time_limit
+        self.deadline = time.perf_counter() + 2.0 * time_limit
         if self.bound.contradictions:
             return self._contradiction(self.bound.contradictions[0])
         if self.solution.status == "infeasible":
@@ -180,6 +186,8 @@ class _Search:
             culprits.append(self._conflicting(relation, lack, others=len(ranked) > 1))
         if conflict.minimal:  # each is as much to blame as the others: in the order of the text
             culprits = [culprit for _, culprit in sorted(zip(ranked, culprits), key=lambda pair: pair[0])]
+        else:  # what is known of some helps more than that the others take part
+            culprits.sort(key=lambda culprit: culprit.residual is None)
         # Of statements that are not convex nobody has looked everywhere.
         near = "" if is_convex(self.bound) else ", at least near here"
         several = f"These {len(culprits)} statements cannot hold together{near}"
@@ -188,9 +196,10 @@ class _Search:
         elif conflict.minimal:
             summary = f"{several}; without any one of them the others can:"
         else:
-            summary = (
-                f"{several}; there was no time to find which of them are needed for that. The most "
-                "influential come first:"
+            summary = f"{several}; there was no time to find which of them are needed for that (--explain takes more)"
+            known = any(lack is not None for lack in conflict.lacks)
+            summary += (
+                ". It is enough to change one of these:" if known else ". The most influential come first:"
             )
         return Blame("", summary, culprits, conflict.minimal, conflict.solves)
 
@@ -231,11 +240,12 @@ class _Search:
         if self.solution.status == "infeasible":
             parts.insert(0, "no minimal set of conflicting statements was found in time")
         if not parts and self.solution.violation <= _MET:
-            return Blame(
-                "",
-                f"All statements hold where the solve ended, to {self.solution.violation:.0e}; only the objective may "
-                "become smaller. A solve that goes on from there often ends optimal: --warm-start FILE.",
-            )
+            held = f"All statements hold where the solve ended, to {self.solution.violation:.0e};"
+            further = "only the objective may become smaller."
+            # A message that the objective still falls says that it may have no least value.
+            if STILL_FALLING.split("{")[0] not in self.solution.message:
+                further += " A solve that goes on from there often ends optimal: --warm-start FILE."
+            return Blame("", f"{held} {further}")
         if not parts:
             return Blame("", "No statement stands out where the solve ended.")
         summary = "; ".join(parts)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +36,10 @@ CLOSE = 1e-4
 QUICK_ITERATIONS, ITERATIONS = 100, 500
 REVISIONS = 4
 """Number of sets of statements without a conflict after which the search ends."""
-TESTING = 0.5
-"""Share of the time limit that is added for testing the result."""
+TESTING, SHARES = 1.0, 2
+"""Share of the time limit that is added for testing the result; in a set that may not be minimal a statement's test
+takes at most one part in ``SHARES`` of what is left.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +163,7 @@ def find_conflict(
         ownership: its rows and bounds by statement.
         x: (N,) the final point of a solve.
         row_multipliers: (M,) of that solve: the certificate if it ended infeasible.
-        time_limit: seconds for all feasibility problems together; half as many more for the final test.
+        time_limit: seconds for all feasibility problems together; as many more for the final test.
 
     Returns:
         The conflict, or None if there was no result in time.
@@ -180,11 +183,17 @@ def _find(
     deadline = search.deadline + TESTING * time_limit
     for _ in range(REVISIONS):
         found = _filtered(search, x, y)
-        if found is None or not found.relations:
+        decided = found is not None
+        if found is None:
+            # There was no time to test all statements; there may be enough to find one change that suffices.
+            weight = _weights(bound, ownership, x, y)
+            ranked = sorted(ownership.relations, key=lambda k: (-weight.get(k, 0.0), k))
+            found = Conflict(tuple(ranked), False, x, y, search.solves)
+        if not found.relations:
             return found
         found = _tested(search, found, deadline)
         if found.lacks:
-            return found
+            return found if decided or any(found.lacks) else None
         # A point meets them all: from there it has to be another set that fails, or none does.
         search.starts.insert(0, search.feasible)
     return None
@@ -193,23 +202,41 @@ def _find(
 def _tested(search: _Filter, found: Conflict, deadline: float) -> Conflict:
     """A conflict with the relaxation that each statement needs; without it if a point satisfies all, which is then
     ``search.feasible``.
+
+    In a set that may not be minimal, no statement is known to matter.  There the question is which statement, changed
+    alone, lets all others of the spec hold, and it is asked of those that a user can change.
     """
-    lacks: list[Relaxation | None] = []
     relations = set(found.relations)
-    for k, relation in enumerate(found.relations):
-        others = relations - {relation}
-        tried = [x for x in (search.met.get(frozenset(others)), found.x) if x is not None]
-        answers: list[Relaxation] = []
+    order, rest = list(found.relations), relations
+    if not found.minimal:
+        order = [k for k in sorted(order, key=partial(_kind, search)) if _kind(search, k) < _LAW]
+        rest = set(search.ownership.relations)
+    lacks: dict[int, Relaxation] = {}
+    for k, relation in enumerate(order):
+        others = rest - {relation}
+        starts = [search.met.get(frozenset(others)) if found.minimal else search.bound.x0, found.x]
+        tried = [x for x in starts if x is not None]
         for number, x in enumerate(tried):
-            left = (deadline - time.perf_counter()) / (len(relations) - k) / (len(tried) - number)
+            shares = len(order) - k if found.minimal else min(len(order) - k, SHARES)
+            left = (deadline - time.perf_counter()) / shares / (len(tried) - number)
             lack = needed_relaxation(search.bound, search.ownership, others, relation, x, left)
             if lack is None:
                 continue
             if search.hold(relations, lack.x):
                 return found
-            answers.append(lack)
-        lacks.append(min(answers, key=lambda lack: abs(lack.amount), default=None))
-    return replace(found, lacks=tuple(lacks))
+            known = lacks.setdefault(relation, lack)
+            if abs(lack.amount) < abs(known.amount):
+                lacks[relation] = lack
+    return replace(found, lacks=tuple(lacks.get(relation) for relation in found.relations))
+
+
+_LIMIT, _FRAME, _LAW = range(3)
+
+
+def _kind(search: _Filter, relation: int) -> int:
+    """Whether a statement is an inequality, an equation of one frame, or one that holds over a time."""
+    stated = search.ownership.problem.relations[relation]
+    return _LIMIT if not stated.is_equality else _FRAME if stated.range.first == stated.range.last else _LAW
 
 
 def _filtered(search: _Filter, x: FloatArray, y: FloatArray) -> Conflict | None:

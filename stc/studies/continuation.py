@@ -9,6 +9,7 @@ new problem is the Euler predictor).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from math import inf
 from typing import Any
 
@@ -99,16 +100,7 @@ class Continuation:
             "reached": self.value,
             "arrived": self.arrived,
             "solves": self.effort.solves,
-            "steps": [
-                {
-                    "value": step.value,
-                    "status": step.status,
-                    "objective": step.objective,
-                    "iterations": step.iterations,
-                    "factorizations": step.factorizations,
-                }
-                for step in self.steps
-            ],
+            "steps": [asdict(step) for step in self.steps],
         }
 
 

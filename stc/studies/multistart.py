@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
@@ -103,15 +104,7 @@ class MultiStart:
         """The results for JSON."""
         return {
             "starts": [
-                {
-                    "start": one.start,
-                    "status": one.status,
-                    "objective": one.objective,
-                    "iterations": one.iterations,
-                    "factorizations": one.factorizations,
-                    "optimum": one.optimum if one.optimum >= 0 else None,
-                }
-                for one in self.starts
+                {**asdict(one), "optimum": one.optimum if one.optimum >= 0 else None} for one in self.starts
             ],
             "optima": [
                 {"objective": one.objective, "count": len(one.starts), "starts": one.starts}
@@ -255,10 +248,7 @@ def _rank(found: MultiStart) -> None:
     order = sorted(range(len(found.optima)), key=lambda k: (found.optima[k].objective, k))
     place = {old: new for new, old in enumerate(order)}
     found.optima = [found.optima[k] for k in order]
-    found.starts = [
-        StartRecord(s.start, s.status, s.objective, s.iterations, s.factorizations, place.get(s.optimum, -1))
-        for s in found.starts
-    ]
+    found.starts = [replace(one, optimum=place.get(one.optimum, -1)) for one in found.starts]
     if found.optima:
         found.solution = found.optima[0].solution
 

@@ -272,9 +272,3 @@ def total_derivative(e: Expr, rate: Callable[[Any], Expr], memo: dict[Expr, Expr
                 slope = part if slope is ZERO else add(slope, part)
         done[node] = slope
     return done[e]
-
-
-def depends_on(exprs: Iterable[Expr], keys: Iterable[Key]) -> bool:
-    """Whether any of the expressions contains a symbol with one of the keys."""
-    wanted = frozenset(keys)
-    return any(node.op == "sym" and node.payload in wanted for node in reachable(exprs))

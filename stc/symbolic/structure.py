@@ -61,11 +61,6 @@ def degree(e: Expr, keys: Iterable[Hashable]) -> int:
     return degrees([e], keys)[0]
 
 
-def is_constant_in(e: Expr, keys: Iterable[Hashable]) -> bool:
-    """Whether no symbol with one of the keys occurs in ``e``."""
-    return not mentions(e, frozenset(keys).__contains__)
-
-
 def mentions(e: Expr, wanted: Callable[[Hashable], bool]) -> bool:
     """Whether a symbol with a key that is ``wanted`` occurs in ``e``; fast if many do."""
     seen: set[Expr] = set()

@@ -70,7 +70,7 @@ class Transcription(Stated):
 
     @property
     def groups(self) -> list[Group]:
-        """The rows and summands by their nodes, with their derivatives."""
+        """The rows of the program and the summands of its objective, grouped by the pattern of nodes that they read."""
         return self.program.groups
 
     def compile(self, backend: Backend = "auto", cache: bool = True, at_once: bool = True) -> None:

@@ -37,20 +37,12 @@ Stc = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def stc_(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stc:
-    """Runs a command line in an empty folder; gives exit status, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
+def stc_(stc_: Stc) -> Stc:
+    """The same in a folder with specs."""
     Path("point.stc").write_text(NEAREST_POINT)
     Path("rest.stc").write_text(REST_TO_REST)
     Path("infeasible.stc").write_text(INFEASIBLE)
-
-    def call(*words: str) -> tuple[int, str, str]:
-        capsys.readouterr()
-        status = run(words)
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return call
+    return stc_
 
 
 def last_line(out: str) -> dict[str, Any]:
@@ -132,10 +124,6 @@ def test_a_folder_that_cannot_be_written_to_is_told_of_before_solving(
     status, out, err = stc_("solve", "point.stc", "-o", "kept/point.npz")
     assert (status, out) == (2, "")
     assert err == "stc: -o kept/point.npz: nothing can be written to the folder `kept`\n"
-
-
-def test_the_ending_of_a_spec_may_be_left_out(stc_: Stc) -> None:
-    assert stc_("solve", "point")[0] == 0
 
 
 def test_a_coarse_grid_is_told_of_and_the_status_stays(stc_: Stc) -> None:

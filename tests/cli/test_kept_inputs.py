@@ -14,7 +14,6 @@ import pytest
 
 import stc
 from stc import models
-from stc.cli.main import run
 
 Stc = Callable[..., tuple[int, str, str]]
 
@@ -24,16 +23,8 @@ OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS) + "f 1 3 2\nf 1 2 4\nf 
 
 
 @pytest.fixture
-def stc_(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stc:
-    """Runs a command line in a folder with ``hop.stc``, its own model ``hop.xml`` and its solution ``hop.npz``."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*words: str) -> tuple[int, str, str]:
-        capsys.readouterr()
-        status = run(words)
-        out, err = capsys.readouterr()
-        return status, out, err
-
+def stc_(stc_: Stc) -> Stc:
+    """The same in a folder with ``hop.stc``, its own model ``hop.xml`` and its solution ``hop.npz``."""
     text = stc.load("particle_waypoints").text
     assert "n = 60" in text
     assert '"particle.xml"' in text
@@ -44,8 +35,8 @@ def stc_(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest
     body = '<worldbody><geom type="mesh" mesh="sign" pos="0 3 0"/></worldbody>'
     Path("hop.xml").write_text(model.read_text().replace("</mujoco>", f"{asset}{body}</mujoco>"))
     Path("sign.obj").write_text(OBJ)
-    assert call("solve", "hop.stc")[0] == 0
-    return call
+    assert stc_("solve", "hop.stc")[0] == 0
+    return stc_
 
 
 def refused(call: Stc, *words: str, what: str) -> None:

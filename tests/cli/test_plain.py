@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from stc.cli import plain
 from stc.cli.options import solve_options
+from stc.cli.searches import search_options
 
 WORDS = st.one_of(
     st.sampled_from([*plain.VALUES, *plain.FLAGS, plain.SETTING]),
@@ -45,11 +46,10 @@ def by_parser(parser: Any, words: list[str]) -> dict[str, Any] | None:
 
 def meant(arguments: dict[str, Any]) -> dict[str, Any]:
     """All arguments of the command, with what is not given as it is by default."""
-    asked = {"spec": arguments["spec"], "json": arguments.get("json", False)}
-    bound = inspect.signature(solve_options).bind(**{k: v for k, v in arguments.items() if k not in asked})
-    bound.apply_defaults()
-    assert bound.arguments.pop("until") is None  # which belongs to `stc run`
-    return {**asked, **bound.arguments}
+    known = {**inspect.signature(search_options).parameters, **inspect.signature(solve_options).parameters}
+    defaults = {name: each.default for name, each in known.items() if each.kind != each.VAR_KEYWORD}
+    assert defaults.pop("until") is None  # which belongs to `stc run`
+    return {**defaults, "json": False, **arguments}
 
 
 @given(words=st.lists(WORDS, max_size=6))

@@ -213,18 +213,6 @@ class TestInterruption:
         assert (running.returncode, json.loads(out)["status"]) == (1, "interrupted")
         assert err.endswith("stc: interrupted\n")
 
-    def test_a_second_ctrl_c_ends_at_once(self, tmp_path: Path) -> None:
-        running = self.start(tmp_path, "--json")
-        assert running.stderr is not None
-        running.stderr.readline()
-        running.send_signal(signal.SIGINT)
-        time.sleep(0.1)
-        running.send_signal(signal.SIGINT)
-        out, err = running.communicate(timeout=60)
-        assert running.returncode == 1
-        assert "Traceback" not in err
-        assert json.loads(out.splitlines()[-1])["status"] == "interrupted"
-
     def test_ctrl_c_outside_a_solve_is_told_of_by_every_command(
         self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:

@@ -11,7 +11,6 @@ import pytest
 
 import stc
 from stc import specs
-from stc.cli.main import run
 
 Stc = Callable[..., tuple[int, str, str]]
 
@@ -25,18 +24,10 @@ objective: y^2;
 
 
 @pytest.fixture
-def stc_(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stc:
-    """Runs a command line in an empty folder; gives exit status, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
+def stc_(stc_: Stc) -> Stc:
+    """The same in a folder with specs."""
     Path("circle.stc").write_text(CIRCLE)
-
-    def call(*words: str) -> tuple[int, str, str]:
-        capsys.readouterr()
-        status = run(words)
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return call
+    return stc_
 
 
 def rows(out: str) -> list[list[str]]:

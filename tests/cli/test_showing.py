@@ -8,23 +8,8 @@ from pathlib import Path
 import pytest
 
 import stc
-from stc.cli.main import run
 
 Stc = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def stc_(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stc:
-    """Runs a command line in an empty folder; gives exit status, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*words: str) -> tuple[int, str, str]:
-        capsys.readouterr()
-        status = run(words)
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return call
 
 
 def hop(n: int = 8) -> str:

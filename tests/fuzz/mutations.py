@@ -14,75 +14,18 @@ NUMBERS = [
     *("999999999", "4294967296", "-2147483649", "9223372036854775808", "1_000", "0x10", "١", "", "1e", "--1"),
 ]
 #: Words and signs of the language, and some that are not of it.
+_PLAIN = """
+constants: variables: parameters: definitions: guess: constraints: objective: jumps: method: replay:
+lagrangian: forces: contact: n h t i x x' T [0]: [n]: [last]: [n/2]: [n+1]: [-1]: [i] [i-1] [ ] ( ) + - *
+/ ^ ' '' , ; : = <= >= < == complements integral( before( after( sin( sqrt( log( atan2( tanh( exp( inf pi
+# central; hermite-simpson; trapezoidal;
+"""
 WORDS = [
-    *("constants:", "variables:", "parameters:", "definitions:", "guess:", "constraints:", "objective:"),
-    *(
-        "jumps:",
-        "method:",
-        "replay:",
-        "lagrangian:",
-        "forces:",
-        "contact:",
-        "n",
-        "h",
-        "t",
-        "i",
-        "x",
-        "x'",
-        "T",
-    ),
-    *("[0]:", "[n]:", "[0, n]:", "[last]:", "[n/2]:", "[n+1]:", "[-1]:", "[i]", "[i-1]", "[", "]", "(", ")"),
-    *(
-        "+",
-        "-",
-        "*",
-        "/",
-        "^",
-        "'",
-        "''",
-        ",",
-        ";",
-        ":",
-        "=",
-        "<=",
-        ">=",
-        "<",
-        "==",
-        "complements",
-        "integral(",
-    ),
-    *(
-        "before(",
-        "after(",
-        "sin(",
-        "sqrt(",
-        "log(",
-        "atan2(",
-        "tanh(",
-        "exp(",
-        "inf",
-        "pi",
-        '"',
-        '"q.xml"',
-        "#",
-    ),
-    *("central;", "hermite-simpson;", "trapezoidal;", "\n", "set option.gravity.z = 1;", "joint x = x;"),
+    *_PLAIN.split(),
+    *("[0, n]:", '"', '"q.xml"', "\n", "set option.gravity.z = 1;", "joint x = x;"),
 ]
 #: Characters that are no part of any of them.
-CHARACTERS = [
-    "\x00",
-    "\x1b",
-    "\x1b]0;title\x07",
-    "\r",
-    "\x9b31m",
-    "\u202e",
-    "\ufeff",
-    "é",
-    "∂",
-    "𝕏",
-    "\t",
-    "\x7f",
-]
+CHARACTERS = ["\x00", "\x1b", "\x1b]0;title\x07", "\r", "\x9b31m", *"\u202e\ufeffé∂𝕏\t\x7f"]
 
 _TOKEN = re.compile(r"\s+|\w+|\d+\.?\d*|.", re.DOTALL)
 _NUMBER = re.compile(rb"-?\d+\.?\d*(?:e-?\d+)?")

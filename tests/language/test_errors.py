@@ -1,8 +1,6 @@
 import pickle
 
-import pytest
-
-from stc.errors import Diagnostic, EvaluationError, Source, Span, SpecError, UsageError, raise_errors
+from stc.errors import Diagnostic, EvaluationError, Source, Span, SpecError, UsageError
 
 
 def test_positions_count_lines_and_columns_from_one() -> None:
@@ -65,18 +63,6 @@ def test_spec_error_prints_all_its_diagnostics_and_survives_pickling() -> None:
     error = SpecError([Diagnostic("error", "one"), Diagnostic("error", "two", None, "a hint")])
     assert str(error) == "error: one\nerror: two\n        a hint"
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
-
-
-def test_raise_errors_leaves_warnings_alone_and_sorts() -> None:
-    source = Source("a.stc", "abc")
-    late, early = (
-        Diagnostic("error", "late", Span(source, 2, 3)),
-        Diagnostic("error", "early", Span(source, 0, 1)),
-    )
-    raise_errors([Diagnostic("warning", "careful")])
-    with pytest.raises(SpecError) as caught:
-        raise_errors([late, Diagnostic("warning", "careful"), early])
-    assert [diagnostic.message for diagnostic in caught.value.diagnostics] == ["early", "late"]
 
 
 def test_evaluation_error_names_expression_frame_and_values() -> None:

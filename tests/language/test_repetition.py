@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from stc.certification import statements_of
 from stc.errors import Source, SpecError, UsageError
 from stc.language import parse, read_problem
 from stc.language.show import show_syntax
@@ -165,8 +166,7 @@ def test_multipliers_stand_on_the_line_that_the_statement_was_written_on() -> No
     text = RODS.replace("[n]: q{k} = {k};", "[n]:\n  2*q{k} + q{k}' = {k};")
     solution = Model(Source("rods.stc", text)).solve()
     marked = {
-        line.number: [mark.text for mark in line.marks]
-        for line in listing(solution, parse(Source("", text)).source)
+        line.number: [mark.text for mark in line.marks] for line in listing(solution, statements_of(solution))
     }
     assert [text for text in marked[5] if "u" in text] == [f"q{k}'' = u{k}" for k in (1, 2, 3)]
     assert marked[6] == [f"2*q{k} + q{k}' = {k}" for k in (1, 2, 3)]

@@ -6,11 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 from mechanism_models import BALL, FREE, SLIDE, chain, hinge
-from mechanism_states import Compared, dynamics_of
+from mechanism_states import Compared
 
-from stc.mechanism.equalities import follower, held
-from stc.mechanism.read import read_model
-from stc.symbolic.expr import Expr, evaluate, num, substitute, sym
+from stc.mechanism.equalities import held
+from stc.symbolic.expr import num
 
 TREE = (FREE.format("root", ""), BALL.format("c", ""), hinge("a"), SLIDE.format("s", 'ref=".2"'))
 MODELS = {
@@ -112,30 +111,3 @@ def test_accelerations_are_derivatives_of_rates(name: str) -> None:
         ends.append(other.values(found.rates))
     difference = (ends[0] - ends[1]) / (2 * h)
     assert np.abs(difference - values).max() < 1e-6 * max(1.0, np.abs(values).max())
-
-
-def test_a_joint_that_follows() -> None:
-    """Its motion solves the equality, and its residual counts by the slope."""
-    text = chain(hinge("a"), SLIDE.format("s", 'ref=".2"'), rest=f"<equality>{MODELS['joints']}</equality>")
-    mechanism = read_model("model.xml", text=text)
-    q, v, a = sym("q"), sym("v"), sym("a")
-    led = follower(mechanism, mechanism.equalities[0], q, v, a)
-    dyn = dynamics_of(mechanism)
-    rows = held(dyn, mechanism.equalities[0])
-
-    def at(e: Expr) -> float:
-        put = {"q0": led.q, "v0": led.v, "a0": led.a, "q1": q, "v1": v, "a1": a}
-        return evaluate(substitute(e, put), {"q": 0.4, "v": -0.7, "a": 1.3})
-
-    assert max(abs(at(e)) for e in (*rows.places, *rows.rates, *rows.accelerations)) < 1e-14
-    forces = rows.act([num(1.0)]).on_dofs
-    assert at(forces[1]) == pytest.approx(-at(led.slope))
-    assert at(forces[0]) == 1.0
-
-
-def test_a_joint_that_is_held() -> None:
-    """An equality of one joint makes it a constant."""
-    text = chain(hinge("a"), rest=f"<equality>{MODELS['one joint']}</equality>")
-    mechanism = read_model("model.xml", text=text)
-    led = follower(mechanism, mechanism.equalities[0], sym("q"), sym("v"), sym("a"))
-    assert (led.q, led.v, led.a) == (num(0.1), num(0.0), num(0.0))

@@ -248,5 +248,10 @@ def test_macros_are_told_of() -> None:
     text = LIMB.replace("</robot>", '<xacro:include filename="legs.xacro"/></robot>')
     with pytest.raises(ModelFileError, match="xacro"):
         read_model("limb.urdf", text=text)
+    text = LIMB.replace(
+        "</robot>", '<link name="a"><visual><origin xyz="$(optenv IMU_XYZ 0 0 0)"/></visual></link></robot>'
+    )
+    with pytest.raises(ModelFileError, match="xacro"):
+        read_model("limb.urdf", text=text)
     commented = LIMB.replace("</robot>", "<!-- <xacro:leg/> --></robot>")
     assert len(read_model("limb.urdf", text=commented).joints) == 4

@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 import stc
 from stc.optimizers import SizeWarning, optimizer_names, optimizer_of
-from stc.optimizers.dual_estimate import signed_least_squares
+from stc.optimizers.dual_estimate import bounded_least_squares
 from stc.optimizers.nlopt_algorithms import ALGORITHMS
 from stc.optimizers.point_result import judge
 from stc.solver import Options, Status
@@ -225,7 +225,8 @@ def test_least_squares_with_signs(seed: int) -> None:
     matrix, rhs, free = rng.normal(size=(rows, k)), rng.normal(size=rows), rng.random(k) < 0.3
     if k > 2 and seed % 2:
         matrix[:, 1] = matrix[:, 0]
-    s = signed_least_squares(matrix, rhs, free)
+    where, lower = np.nonzero(np.ones_like(matrix)), np.where(free, -np.inf, 0.0)
+    s = bounded_least_squares(*where, matrix.ravel(), matrix.shape, rhs, lower, np.full(k, np.inf))
     assert (s[~free] >= 0.0).all()
     # A free entry is the difference of two that are not negative.
     _, least = nnls(np.hstack([matrix, -matrix[:, free]]), rhs)

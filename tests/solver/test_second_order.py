@@ -14,7 +14,6 @@ from stc.solver.nlp import Floats
 from stc.solver.report import Start
 from stc.solver.scaled_problem import ScaledProblem
 
-PARABOLA = SymbolicProgram([0.0, 0.0], lambda x: -x[1], lambda x: [(x[1] - x[0] ** 2, 0.0, 0.0)])
 HYPERBOLA = SymbolicProgram([1.0, 1.0], lambda x: -x[0] - x[1], lambda x: [(x[0] * x[1], 1.0, 1.0)])
 #: The longest way from the origin on a circle round (1, 0): the nearest point, where all begins, is a minimum of it.
 CIRCLE = SymbolicProgram(

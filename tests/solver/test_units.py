@@ -120,12 +120,6 @@ def test_a_step_does_not_leave_the_rows_far_behind_for_a_lower_objective() -> No
 
 
 #: The least time-integral of a force's size that moves a mass, in any units: a linear program.
-IMPULSE = """
-constants: n = 50, h = 1/n, m = 1, d = 1;
-variables: x, f, s;
-constraints: [0, n]: m*x'' = f; -8*m*d <= f <= 8*m*d; -s <= f; f <= s; [0]: x; x'; [n]: x = d; x';
-objective: [0, n]: integral(s);
-"""
 
 
 #: The least time for it.

@@ -21,14 +21,6 @@ def blamed(spec: str, **options: object) -> Blame:
     return found
 
 
-def conflict_of(spec: str) -> set[str]:
-    """The statements of a conflict, by their text."""
-    found = blamed(spec)
-    assert found.minimal, found.summary
-    assert all(one.kind == "conflict" for one in found.culprits)
-    return {one.statement for one in found.culprits}
-
-
 # ------------------------------------------------------------- conflicts
 
 
@@ -165,6 +157,17 @@ def test_statements_that_a_motion_at_rest_meets_are_not_called_a_conflict(umax: 
     assert len(missed) >= 4
     assert all(abs(one.residual or 0.0) > 1e-3 for one in missed.values())
     assert all(one.frame is None for name, one in missed.items() if "T" in name)
+
+
+@pytest.mark.nightly
+def test_a_limit_that_is_named_is_enough_when_it_gives_way_by_the_amount_named() -> None:
+    """In 0.3 s the cart cannot swing its pendulum up with 20 N; the time is not enough for a minimal set."""
+    model = stc.load("cart_pole_swing_up")
+    found = blame(model, model.solve(T=0.3), time_limit=2.0)
+    assert found is not None
+    (lack,) = [abs(one.residual or 0.0) for one in found.culprits if one.statement == "-umax <= u <= umax"]
+    assert model.solve(T=0.3, umax=20 + 1.01 * lack).status == "optimal"
+    assert model.solve(T=0.3, umax=20 + 0.9 * lack).status == "infeasible"
 
 
 def test_the_search_keeps_to_its_time() -> None:

@@ -11,7 +11,6 @@ from stc.symbolic.expr import ARITY, Expr, num, raw, reachable, rebuild, sym
 NAMES = ("a", "b", "c", "d")
 LITERALS = (-2.5, -1.0, 0.0, 0.5, 1.0, 2.0, 3.0)
 EXPONENTS = (-2.0, -1.0, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0)
-ARITHMETIC = ("add", "sub", "mul", "div", "neg", "sin", "cos")
 SMOOTH = ("add", "sub", "mul", "neg", "sin", "cos", "atan", "tanh", "exp")
 
 

@@ -9,7 +9,6 @@ from symbolic.random_expressions import NAMES, SMOOTH, expressions, points, simp
 
 from stc.symbolic.differentiate import (
     BY_ARGUMENT,
-    depends_on,
     derivative,
     gradient,
     hessian,
@@ -225,11 +224,6 @@ def test_total_derivative_follows_the_motion() -> None:
     assert render(total_derivative(sym("z") * call("sin", X), rate)) == "x'*z*cos(x)"
     assert total_derivative(sym("z") * 3.0, rate) is ZERO
     assert render(total_derivative(X * Y, rate)) in ("y*x' + x*y'", "x*y' + y*x'", "x'*y + x*y'")
-
-
-def test_depends_on() -> None:
-    assert depends_on([X + Y, Z], ["z"])
-    assert not depends_on([X + Y], ["z"])
 
 
 def test_derivatives_share_with_the_function() -> None:

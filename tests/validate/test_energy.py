@@ -80,6 +80,20 @@ def free_flight(method: str, n: int = 24, g: float = 9.8) -> Solution:
     return smooth_particle(method, time, x, y, m=0.6, g=g)
 
 
+def test_what_rests_without_weight_closes_the_books(tmp_path: Path) -> None:
+    """All energies, forces and powers are zero, and so is what of them is missing."""
+    (tmp_path / "model.xml").write_text(
+        """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="turn" axis="0 1 0"/>
+        <joint name="x" type="slide"/><geom size=".1" pos=".3 0 0"/></body></worldbody></mujoco>"""
+    )
+    (tmp_path / "rest.stc").write_text(
+        """constants: n = 4, T = 0.1, h = T/n;  model: "model.xml";
+        constraints: [0]: joint.turn = 0.7; joint.x = 0.3; rest;  objective: [0, n]: integral(0);"""
+    )
+    report = validate(stc.load(tmp_path / "rest.stc").solve())
+    assert value(report, "energy balance") < 1e-6
+
+
 @pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal", "central"])
 @pytest.mark.parametrize("g", [9.8, 0.0])

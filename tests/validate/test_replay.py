@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from closed_form_motions import constant, particle, smooth_particle, waypoint_spline
@@ -14,7 +15,7 @@ from stc.errors import UsageError
 from stc.solution import Solution
 from stc.trajectory import Channel, FloatArray
 from stc.validate import validate
-from stc.validate.replay import time_step_for
+from stc.validate.replay import integrator_for, time_step_for
 from stc.validate.setup import prepare
 
 
@@ -211,7 +212,14 @@ def test_a_joint_that_a_damper_stops_at_once_is_simulated_in_short_steps(tmp_pat
     setup = prepare(solution)
     assert time_step_for(setup, 1e-3) == pytest.approx(3.5e-6 / 0.02, rel=1e-6)
     assert time_step_for(setup, 1e-5) == 1e-5
+    assert integrator_for(setup, time_step_for(setup, 1e-3)) == "rk4"
     setup.compiled.dof_damping[:] = 20.0
     assert time_step_for(setup, 1e-3) == 1e-3 / 64
+    assert integrator_for(setup, 1e-3 / 64) == "implicitfast"
+    assert integrator_for(setup, 1e-3 / 64, "euler") == "euler"
     setup.compiled.dof_damping[:] = 0.0
     assert time_step_for(setup, 1e-3) == 1e-3
+    # A servo damps as well.
+    setup.compiled.actuator_biastype[:] = mujoco.mjtBias.mjBIAS_AFFINE
+    setup.compiled.actuator_biasprm[:, 2] = -0.02
+    assert time_step_for(setup, 1e-3) == pytest.approx(3.5e-6 / 0.02, rel=1e-6)

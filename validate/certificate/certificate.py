@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from stc.atomic import replacing
-from stc.errors import Source
 from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate import limits
 from stc.validate.certificate import advice, blame, causes, contact_causes
+from stc.validate.certificate.listing import Statement
 from stc.validate.certificate.staleness import stale
 from stc.validate.metrics import Metric
 from stc.validate.report import Report
@@ -48,8 +48,8 @@ class Certificate:
         The simulations.
     equations : ComparedEquations | None
         The comparison of the equations of motion, if it was made.
-    source : Source | None
-        The spec's text with its repetitions written out.
+    statements : Sequence[Statement]
+        The statements that the spec's text contains.
     refused : str
         Why the equations could not be compared, if that was tried.
     further : Sequence[Metric]
@@ -68,7 +68,7 @@ class Certificate:
     faults: list[str] = field(default_factory=list)
     more_frames: str = ""
     refused: str = ""
-    source: Source | None = None
+    statements: Sequence[Statement] = ()
 
     @property
     def metrics(self) -> list[Metric]:

@@ -58,7 +58,7 @@ def page(certificate: Certificate, *, pictures: bool = True) -> str:
         _pictures(certificate) if pictures else "",
         _tables(certificate),
         _plots(certificate),
-        _spec(listing(certificate.solution, certificate.source)),
+        _spec(listing(certificate.solution, certificate.statements)),
         _foot(certificate),
     ]
     return "".join(

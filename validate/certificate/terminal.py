@@ -19,12 +19,13 @@ _COLOURS = {"pass": "green", "fail": "bold red", "info": "dim"}
 _HEADER, _GAP, _LEAST = ("metric", "of", "value", "limit", "verdict"), 3, 24
 
 
-#: So many notes and further failures the summary shows; the table has all.
-_MOST = 3
+#: So many notes the summary shows; the table has all.
+_MOST = 2
 
 
 def summary(certificate: Certificate) -> Iterator[Any]:
-    """The verdict in about a dozen lines: one for each kind of check, with the measurement closest to its limit.
+    """The verdict in about a dozen lines: one for each kind of check, with the measurement closest to its limit; of a
+    motion that failed, only the kinds that failed.
 
     Yields:
         Lines to print with rich; the verdict and the advice come last.
@@ -36,9 +37,12 @@ def summary(certificate: Certificate) -> Iterator[Any]:
         f"{report.spec} ({report.method}, n = {report.n}, {report.duration:.4g} s) replayed in {report.simulator}",
         style="bold",
     )
-    for section in table.sections(certificate.metrics):
-        judged = [metric for metric in section.metrics if metric.limit is not None]
-        if judged:
+    sections = (
+        (one, [m for m in one.metrics if m.limit is not None]) for one in table.sections(certificate.metrics)
+    )
+    for section, judged in sections:
+        # Of a motion that failed, only what failed.
+        if judged and (certificate.passed or any(metric.verdict == "fail" for metric in judged)):
             verdict = "fail" if any(metric.verdict == "fail" for metric in judged) else "pass"
             yield Text.assemble((f"  {verdict}  ", _COLOURS[verdict]), _nearest(section.title, judged))
     for note in certificate.notes[:_MOST]:
@@ -49,7 +53,7 @@ def summary(certificate: Certificate) -> Iterator[Any]:
         f"--table shows all {count} measurements{notes}; --report FILE.html writes them to a page with the film",
         style="dim",
     )
-    yield from _verdict(certificate, _MOST)
+    yield from _verdict(certificate, 0)
 
 
 def _nearest(title: str, judged: Sequence[Metric]) -> str:
@@ -90,14 +94,14 @@ def show(certificate: Certificate) -> Iterator[Any]:
 
 
 def _verdict(certificate: Certificate, most: int) -> Iterator[Any]:
-    """The verdict with its first line; if the motion failed, at most ``most`` further failures, and the advice."""
+    """The verdict with its headline; if the motion failed, at most ``most`` further failures, and the advice."""
     from rich.text import Text
 
     if certificate.passed:
         yield Text(f"passed: {certificate.headline}", style="bold green")
         return
     yield Text(f"failed: {certificate.headline}", style="bold red")
-    for line in blame.others(certificate.metrics, certificate.findings, most):
+    for line in blame.others(certificate.metrics, certificate.findings, most) if most else ():
         yield Text(f"  {line}", style="red")
     for step in certificate.next_steps:
         yield Text(f"next: {step}", style="bold")

@@ -1,4 +1,4 @@
-"""The text of a model of which there is none: one read from a URDF, or with parts that are added, repeated or attached.
+"""The text of a model as MuJoCo compiles it, with the numbers that a spec sets.
 
 MuJoCo's writer keeps six digits.  Numbers that shape the motion are put back with all of them, from the compiled model;
 elements of the text come in the order of the model's.
@@ -27,7 +27,16 @@ _OF_JOINT = {
 }
 _OF_DOF = {"damping": "dof_damping", "armature": "dof_armature", "frictionloss": "dof_frictionloss"}
 _OF_COORDINATE = {"ref": "qpos0", "springref": "qpos_spring"}
-_OF_GEOM = {"pos": "geom_pos", "quat": "geom_quat", "size": "geom_size", "friction": "geom_friction"}
+_OF_GEOM = {
+    "pos": "geom_pos",
+    "quat": "geom_quat",
+    "size": "geom_size",
+    "friction": "geom_friction",
+    "solref": "geom_solref",
+    "solimp": "geom_solimp",
+}
+_OF_PAIR = {"solref": "pair_solref", "solimp": "pair_solimp"}
+_OF_CONSTRAINT = {"solref": "eq_solref", "solimp": "eq_solimp"}
 _OF_SITE = {"pos": "site_pos", "quat": "site_quat", "size": "site_size"}
 _OF_CAMERA = {"pos": "cam_pos", "quat": "cam_quat"}
 _OF_LIGHT = {"pos": "light_pos", "dir": "light_dir"}
@@ -48,6 +57,8 @@ _OF_TENDON = {
     "armature": "tendon_armature",
     "frictionloss": "tendon_frictionloss",
 }
+#: The stiffness of contacts and equalities where nothing else is said.
+_USUAL = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
 #: Attributes, and which numbers of an equality they are.
 _OF_EQUALITY = (("polycoef", 0, 5), ("anchor", 0, 3), ("relpose", 3, 10))
 
@@ -65,7 +76,8 @@ def written(description: mujoco.MjSpec, model: mujoco.MjModel) -> ET.Element:
     option = root.find("option")
     if option is None:
         option = ET.SubElement(root, "option")
-    option.set("gravity", text(model.opt.gravity))
+    for name in ("gravity", "wind", "density", "viscosity", "impratio"):
+        option.set(name, text(getattr(model.opt, name)))
     world = root.find("worldbody")
     if world is not None:
         _without_frames(world)
@@ -78,7 +90,11 @@ def written(description: mujoco.MjSpec, model: mujoco.MjModel) -> ET.Element:
         for wrap, step in enumerate(element, int(model.tendon_adr[index])):
             if step.tag == "joint":
                 step.set("coef", text(model.wrap_prm[wrap]))
+    pairs = [element for element in _in_section(root, "contact") if element.tag == "pair"]
+    for index, element in enumerate(pairs):
+        _put(element, model, _OF_PAIR, index)
     for index, element in enumerate(_in_section(root, "equality")):
+        _put(element, model, _OF_CONSTRAINT, index)
         for name, first, last in _OF_EQUALITY:
             if name in element.attrib:
                 element.set(name, text(model.eq_data[index, first:last]))
@@ -140,6 +156,9 @@ def _set_body(element: ET.Element, model: mujoco.MjModel, body: int) -> None:
             _put(child, model, _OF_JOINT, joint)
             _put(child, model, _OF_DOF, int(model.jnt_dofadr[joint]))
             _put(child, model, _OF_COORDINATE, int(model.jnt_qposadr[joint]))
+            if model.jnt_limited[joint]:
+                child.set("limited", "true")
+                child.set("range", text(model.jnt_range[joint]))
     for geom, child in enumerate(element.findall("geom"), int(model.body_geomadr[body])):
         _put(child, model, _OF_GEOM, geom)
         if int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH):
@@ -180,12 +199,20 @@ def set_inertia(element: ET.Element, model: mujoco.MjModel, body: int) -> None:
 
 
 def _put(element: ET.Element, model: mujoco.MjModel, fields: dict[str, str], index: int) -> None:
-    """Replace the numbers of the attributes that a text has, and state those that are not zero in their place."""
+    """Write the numbers of a compiled model into the attributes of an element, so that its file states them.
+
+    ``fields`` has the field of the model for each attribute.  An attribute that the element lacks is added where a spec
+    may set its value and the value is not the one that MuJoCo takes without it.
+    """
     for name, field in fields.items():
         said: Sequence[str] = element.get(name, "").split()
         values = np.atleast_1d(getattr(model, field)[index])
         if said:
             kept = said[len(values) :]  # such as the higher terms of a damping
             element.set(name, " ".join([text(values[: len(said)]), *kept]))
-        elif name in _OF_DOF and values[0]:
+        elif (name in _OF_DOF or name == "stiffness") and values[0]:
+            element.set(name, text(values[:1]))
+        elif name in ("springref", "gear", "friction") or (name == "pos" and "fromto" not in element.attrib):
+            element.set(name, text(values))
+        elif name in _USUAL and not np.array_equal(values, _USUAL[name]):
             element.set(name, text(values))

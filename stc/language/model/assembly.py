@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.model.contact import Contacts
-from stc.language.model.free import free_contacts, is_relaxed, laws
+from stc.language.model.free import free_contacts, is_relaxed, laws, loads
 from stc.language.model.holdings import Equalities
 from stc.language.model.pose_rows import Stated, Values
 from stc.language.model.poses import REFERENCE, Poses
@@ -143,6 +143,7 @@ class ModelStatements:
         flights = self.contacts.flights() if thrown else []
         yield from way_between(context, self.scope, known, flights)
         yield from self.contacts.guesses()
+        yield from loads(self.contacts, known)
         yield from self.paths.distances.guesses(context.everywhere, context.span(self.scope.statement))
 
     def free_contacts(self) -> list[FreeContact]:

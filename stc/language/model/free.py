@@ -26,22 +26,26 @@ stated by complementary pairs, whose products are an exact penalty (:mod:`stc.so
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from stc.language.model.scope import RELAXATION
 from stc.language.statements import complementary_relations
 from stc.mechanism.vectors import Vector, dot, vector
-from stc.problem import ConstantRef, FrameRange, FreeContact, Relation, VariableRef
-from stc.symbolic.expr import ONE, ZERO, Expr, div, mul, neg, num, sub, substitute, sum_of, sym, symbols
+from stc.problem import ConstantRef, FrameRange, FreeContact, Guess, Relation, VariableRef
+from stc.symbolic.expr import ONE, ZERO, Expr, call, div, mul, neg, num, sub, substitute, sum_of, sym, symbols
 
 if TYPE_CHECKING:
     from stc.language.model.contact import Contacts
+    from stc.language.model.pose_rows import Values
     from stc.language.model.schedule import Contact, Phase
 
 #: By how many m/s friction may be off its law where a force may act at a distance of 1 m.
 RATE = 10.0
+#: What touches in the first and the last pose begins with this part of an equal share of the weight, and with nothing
+#: if it is as far as this, in m, from doing so.
+LOADED, TOUCHES = 0.3, 0.01
 
 
 def laws(contacts: Contacts) -> Iterator[Relation]:
@@ -76,6 +80,27 @@ def free_contacts(contacts: Contacts) -> list[FreeContact]:
             )
         )
     return found
+
+
+def loads(contacts: Contacts, known: Mapping[int, Values]) -> Iterator[Guess]:
+    """The guess of pressure: a part of the weight for what touches in the first and the last pose.
+
+    Without any load the first steps would have to find all forces at once, among many that balance the weight.
+
+    Args:
+        known: poses, or parts of them, by frame.
+    """
+    context, free = contacts.context, contacts.free()
+    ends = [{VariableRef(name): value for name, value in known.get(k, {}).items()} for k in (0, context.n)]
+    for contact, found in zip(free, free_contacts(contacts), strict=True):
+        assert contact.free is not None
+        gaps = [substitute(gap, pose) for pose in ends for gap in found.gaps]
+        if found.relaxed and contact.free.surface.normal[2] > 0.0 and all(map(context.is_fixed, gaps)):
+            share: Expr = num(LOADED * found.weight / len(free))
+            for gap in gaps:
+                near = sub(ONE, div(gap, num(TOUCHES)))  # and nothing where that is negative
+                share = mul(share, mul(num(0.5), near + call("sqrt", mul(near, near))))
+            yield Guess(contact.forces[2], share, context.everywhere, found.span)
 
 
 def is_relaxed(contacts: Contacts) -> bool:

@@ -21,6 +21,8 @@ from stc.symbolic.expr import Expr, evaluate_all, symbols
 DEPENDENT = 1e-6
 #: Loops of a configuration are closed to so much, in m or rad, in so many steps, none of which is larger than this.
 _CLOSED, _ROUNDS, _FAR = 1e-10, 50, 0.3
+#: Half the displacement of a difference quotient of rows, in m or rad, and what is zero in one.
+_NEAR, _FLAT = 1e-4, 1e-5
 
 Matrix = NDArray[np.float64]
 
@@ -74,10 +76,10 @@ class Point:
             if np.abs(off).max() < _CLOSED:
                 return point
             step = np.linalg.lstsq(point.jacobian(rates), -off, rcond=DEPENDENT)[0]
-            point = point._moved(step * min(1.0, _FAR / max(np.abs(step).max(), _CLOSED)))
+            point = point.moved(step * min(1.0, _FAR / max(np.abs(step).max(), _CLOSED)))
         return self
 
-    def _moved(self, step: Matrix) -> Point:
+    def moved(self, step: Matrix) -> Point:
         """The configuration after a displacement along each degree of freedom, (nv,), to first order."""
         values: dict[str, float] = {}
         at = 0
@@ -101,6 +103,43 @@ class Point:
             plain = VariableRef(key.name, key.order) if isinstance(key, VariableRef) else key
             values[key] = velocities.get(plain, self.known.get(plain, 0.0))
         return list(evaluate_all(list(bodies), values))
+
+
+def remain_dependent(point: Point, rates: Sequence[Expr]) -> bool:
+    """Whether rows that depend on each other at a pose do so at all poses nearby that satisfy them.
+
+    Legs without a joint across their plane hold two feet apart by themselves where these stand side by side: turned
+    about the vertical or tilted, the robot would pull them together, and by no velocity, since their distance is at a
+    maximum.  Rows that depend on each other by chance, as where something is aligned, do not where it has moved.
+
+    Source: A combination of rows u with u A = 0 asks velocities v to have no acceleration along it, u A'[v] v = 0. If
+    that is semidefinite (second-order rigidity, Connelly & Whiteley 1996) each v along which it vanishes is examined.
+
+    Parameters
+    ----------
+    point, rates
+        The pose, at which the rows hold, and the rows as functions that are linear in the velocities.
+    """
+    left, sizes, right = np.linalg.svd(point.jacobian(rates))
+    rank = int(np.sum(sizes > DEPENDENT))
+    zero, free = left[:, rank:], right[rank:].T
+    change = [
+        (point.moved(_NEAR * v).jacobian(rates) - point.moved(-_NEAR * v).jacobian(rates)) / (2.0 * _NEAR)
+        for v in free.T
+    ]
+    bent = np.einsum("ru,jrn,nk->ujk", zero, np.array(change).reshape(-1, *left.shape[:1], len(right)), free)
+    along = np.eye(free.shape[1])
+    while True:
+        forms = [along.T @ (one + one.T) @ along for one in bent]
+        flat = np.array([form.ravel() for form in forms])
+        if not np.any(np.abs(flat) > _FLAT):
+            return not np.any(np.abs(along.T @ bent) > _FLAT)
+        # Of all combinations of the forms the one nearest to the identity is the most definite.
+        shares = np.linalg.lstsq(flat.T, np.eye(along.shape[1]).ravel(), rcond=_FLAT)[0]
+        values, vectors = np.linalg.eigh(np.tensordot(shares, forms, 1))
+        if values[0] < -_FLAT or values[-1] < _FLAT:
+            return False
+        along = along @ vectors[:, values < _FLAT]
 
 
 def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None = None) -> list[int]:

@@ -12,7 +12,15 @@ from stc.language import syntax
 from stc.language.context import Context
 from stc.language.model.contact import Contacts
 from stc.language.model.holdings import Equalities, Holding, Place
-from stc.language.model.independence import Matrix, Point, independent, pins_to_keep, stacked
+from stc.language.model.independence import (
+    DEPENDENT,
+    Matrix,
+    Point,
+    independent,
+    pins_to_keep,
+    remain_dependent,
+    stacked,
+)
 from stc.language.model.mirror import other_side
 from stc.language.model.pose_rows import Stated, Values
 from stc.language.model.scope import ModelScope
@@ -158,19 +166,39 @@ class Standing:
     def _kept(self, holding: Sequence[Holding]) -> list[tuple[Holding, list[int], list[int]]]:
         lasting = [[k for k, place in enumerate(one.places) if not place.start] for one in holding]
         of_places = [[one.places[k].rate for k in some] for one, some in zip(holding, lasting, strict=True)]
-        places = self._independent(holding, of_places)
-        velocities = self._independent(holding, [one.velocities for one in holding])
+        at = self._telling(holding)
+        places = self._independent(holding, of_places, at)
+        velocities = self._independent(holding, [one.velocities for one in holding], at)
         return [
             (one, [some[k] for k in placed], moving)
             for one, some, placed, moving in zip(holding, lasting, places, velocities, strict=True)
         ]
 
-    def _independent(self, holding: Sequence[Holding], rates: Sequence[Sequence[Expr]]) -> list[list[int]]:
+    def _telling(self, holding: Sequence[Holding]) -> Point:
+        """The configuration that tells which rows are independent: a fixed pose whose dependent rows remain so, or the
+        generic one.
+        """
+        rates = [rate for one in holding for rate in one.velocities]
+        first = max((one.frames.first for one in holding), default=0)
+        last = min((one.frames.last for one in holding), default=0)
+        for frame, pinned in sorted(self.pinned.items()):
+            if rates and pinned.values is not None and first <= frame <= last:
+                ranks = [
+                    np.linalg.matrix_rank(p.jacobian(rates), DEPENDENT)
+                    for p in (self._at(frame), self.generic)
+                ]
+                if ranks[0] < ranks[1] and remain_dependent(self._at(frame), rates):
+                    return self._at(frame)
+        return self.generic
+
+    def _independent(
+        self, holding: Sequence[Holding], rates: Sequence[Sequence[Expr]], at: Point
+    ) -> list[list[int]]:
         """The rows of each constraint that earlier ones do not imply."""
         found: list[list[int]] = []
         for count, one in enumerate(holding):
             before = [rates[k][row] for k, rows in enumerate(found) for row in rows]
-            at, seen = self.generic, self._seen(one.frames)
+            seen = self._seen(one.frames)
             rows, given = at.jacobian(rates[count]), at.jacobian(before)
             found.append(independent(rows, given, (seen.jacobian(rates[count]), seen.jacobian(before))))
         return found
@@ -406,6 +434,15 @@ class Standing:
                     message = f"`{one.name}` is {abs(off):.4g} m {where} the {one.surface} in this pose"
                     hint = f"let it stand at another frame, or write `{pinned.statement.base.name} grounded`"
                     self.context.error(pinned.statement, message, hint)
+
+        for contact in self.contacts.free():
+            assert contact.free is not None
+            surface = contact.free.surface
+            off = float(point.numbers(list(self.contacts.heights_above(contact, surface))).min())
+            if off < -OFF_SURFACE:
+                message = f"`{contact.name}` is {-off:.4g} m below the {surface.name} in this pose"
+                hint = "what is free stays above its surface, a plane without edges: it cannot come from beside a step"
+                self.context.error(pinned.statement, message, hint)
 
     def _check_held(self, one: Holding, frame: int, statement: syntax.Pose) -> None:
         """Check that a fixed pose agrees with the places of held constraints."""

@@ -107,3 +107,22 @@ def test_what_a_spec_leaves_out_is_told_in_the_verdict(tmp_path: Path) -> None:
     report = validate(stc.load(tmp_path / "motion.stc").solve(), tracked=False)
     assert any("leaves out parts of its model that MuJoCo simulates: fluid" in note for note in report.notes)
     assert not report.passed
+
+
+def test_meshes_of_an_included_file_are_carried_from_the_folder_that_the_model_names(tmp_path: Path) -> None:
+    """An `<include>` is part of one text, in which one line says where all meshes lie."""
+    parts = tmp_path / "parts"
+    (tmp_path / "shapes").mkdir()
+    parts.mkdir()
+    (tmp_path / "shapes" / "rod.obj").write_text(
+        "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .5\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    (parts / "meshes.xml").write_text('<mujocoinclude><mesh name="rod" file="rod.obj"/></mujocoinclude>')
+    model = ARM.replace('"radian"', '"radian" meshdir="shapes"')
+    model = model.replace("<worldbody>", '<asset><include file="parts/meshes.xml"/></asset><worldbody>')
+    model = model.replace("</body>", '<geom type="mesh" mesh="rod"/></body>')
+    load(tmp_path, model, SPEC).solve().save(tmp_path / "motion.npz")
+    before = stc.read(tmp_path / "motion.npz")
+    for path in (tmp_path / "shapes" / "rod.obj", parts / "meshes.xml", tmp_path / "robot.xml"):
+        path.unlink()
+    assert np.array_equal(stc.read(tmp_path / "motion.npz")["joint.a"], before["joint.a"])

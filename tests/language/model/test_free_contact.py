@@ -163,6 +163,63 @@ def test_a_hop_is_found_scheduled_and_passes_in_mujoco(tmp_path: Path) -> None:
     assert not failed
 
 
+@pytest.mark.nightly
+def test_a_foot_that_begins_lower_than_its_clearance_has_a_schedule(tmp_path: Path) -> None:
+    """Half way through a flight a foot clears the floor by `clearance`, and here the pose given there by 4 mm."""
+    rough = load(tmp_path, HOPPER, HOP.replace("0, 0.05)", "0, 0.004)")).solve()
+    assert rough.status == "optimal"
+    write_schedule(rough, tmp_path / "scheduled.stc")
+    assert stc.load(tmp_path / "scheduled.stc").solve().status == "optimal"
+
+
+GRIPPER = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 .1"/>
+  <body name="block" pos="0 0 .05"><joint name="x" type="slide" axis="1 0 0"/>
+    <joint name="z" type="slide" axis="0 0 1"/><geom name="block" type="box" size=".05 .05 .05" mass=".5"/>
+    <site name="sole" pos="0 0 -.05"/><site name="left" pos="-.05 0 0" zaxis="-1 0 0"/>
+    <site name="right" pos=".05 0 0" zaxis="1 0 0"/></body>
+  <body name="lf" pos="-.12 0 .05"><joint name="lx" type="slide" axis="1 0 0"/>
+    <joint name="lz" type="slide" axis="0 0 1"/><geom name="lf" type="sphere" size=".01" mass=".2"/></body>
+  <body name="rf" pos=".12 0 .05"><joint name="rx" type="slide" axis="1 0 0"/>
+    <joint name="rz" type="slide" axis="0 0 1"/><geom name="rf" type="sphere" size=".01" mass=".2"/></body>
+  </worldbody><actuator><motor name="lx" joint="lx"/><motor name="lz" joint="lz"/>
+    <motor name="rx" joint="rx"/><motor name="rz" joint="rz"/></actuator></mujoco>"""
+
+
+@pytest.mark.nightly
+def test_fingers_that_meet_a_block_take_its_load_from_the_floor(tmp_path: Path) -> None:
+    """It leaves the floor in the step in which they squeeze it: nothing else would bear it until they do."""
+    spec = """constants: n = 40, T = 1, h = T/n;
+contact: sole = point(site.sole), friction = 0.8;
+  l = point(geom.lf), friction = 0.8; r = point(geom.rf), friction = 0.8;
+  free: sole; l on site.left; r on site.right;
+constraints: [0]: joint.*; rest; [n]: joint.z = 0.2; rest;
+objective: [0, n]: integral(effort);
+"""
+    rough = load(tmp_path, GRIPPER, spec).solve()
+    assert rough.status == "optimal"
+    ranges, _ = write_schedule(rough, tmp_path / "scheduled.stc")
+    assert ranges["sole"][-1][1] <= max(first for first, _, _ in ranges["l"])
+    assert stc.load(tmp_path / "scheduled.stc").solve().status == "optimal"
+
+
+@pytest.mark.nightly
+def test_a_quadruped_hops_on_feet_that_nobody_schedules(tmp_path: Path) -> None:
+    """The page of the README with its feet under `free:`."""
+    feet = ("FL", "FR", "RL", "RR")
+    contacts = "".join(f"{foot} = point(geom.{foot}_foot), friction = 0.7; " for foot in feet)
+    (tmp_path / "hop.stc").write_text(
+        f"""constants: n = 60, T = 0.8, h = T/n, D = 0.5;
+model: "quadruped.xml";
+contact: {contacts} free: {"; ".join(feet)};
+constraints: [0]: keyframe.stand; rest; [n]: keyframe.stand + (D, 0, 0); rest;
+objective: [0, n]: integral(effort);
+"""
+    )
+    rough = stc.load(tmp_path / "hop.stc").solve(max_iterations=1000)
+    assert rough.status == "optimal"
+    assert all(found_ranges(rough).values())
+
+
 def test_the_rows_are_among_the_statements(tmp_path: Path) -> None:
     problem = load(tmp_path, HOPPER, HOP).problem()
     texts = [relation.text for relation in problem.relations]
@@ -186,6 +243,11 @@ WRONG = {
 def test_mistakes_are_told_of(tmp_path: Path, written: str) -> None:
     with pytest.raises(SpecError, match=WRONG[written]):
         load(tmp_path, HOPPER, HOP.replace("free: foot;", written)).problem()
+
+
+def test_a_pose_below_the_surface_is_told_of(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match=r"`foot` is 0\.05 m below the floor in this pose"):
+        load(tmp_path, HOPPER, HOP.replace("(0, 0, 0.05)", "(0, 0, -0.05)")).problem()
 
 
 def test_contacts_of_a_lagrangian_cannot_be_free() -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import stc
 from stc.language.model.independence import independent
+from stc.validate import validate
 
 
 def _rates(place: np.ndarray) -> np.ndarray:
@@ -52,3 +54,47 @@ objective: [0, n]: integral(effort);
     (tmp_path / "plank.stc").write_text(spec, encoding="utf-8")
     solution = stc.load(tmp_path / "plank.stc").solve(max_iterations=150)
     assert solution.status == "optimal"
+
+
+def _on_planar_legs(legs: dict[str, tuple[float, float]]) -> str:
+    """A trunk with a free root on legs that have a hip and a knee, none of which can spread."""
+    limbs, motors = "", ""
+    for name, (x, y) in legs.items():
+        limbs += f"""<body name="thigh_{name}" pos="{x} {y} -.02"><joint name="hip_{name}" range="-90 90"/>
+          <geom type="capsule" fromto="0 0 0 0 0 -.18" size=".03" mass=".5"/>
+          <body name="shin_{name}" pos="0 0 -.18"><joint name="knee_{name}" range="0 140"/>
+            <geom type="capsule" fromto="0 0 0 0 0 -.18" size=".02" mass=".3"/>
+            <geom name="{name}" type="sphere" pos="0 0 -.18" size=".03" mass=".1"/></body></body>"""
+        motors += f'<motor joint="hip_{name}" name="hip_{name}" ctrlrange="-40 40"/>'
+        motors += f'<motor joint="knee_{name}" name="knee_{name}" ctrlrange="-40 40"/>'
+    return f"""<mujoco><option cone="elliptic" impratio="100" timestep="0.001"/>
+      <default><joint axis="0 1 0" armature="0.005" damping="0.05"/>
+        <geom friction="0.8 0.005 0.0001" solref="0.0004 1"/></default>
+      <worldbody><geom type="plane" size="5 5 .1"/><body pos="0 0 .42"><freejoint name="root"/>
+        <geom type="capsule" fromto="-.12 0 0 .12 0 0" size=".06" mass="3"/>{limbs}</body></worldbody>
+      <actuator>{motors}</actuator></mujoco>"""
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("hips", [(0.0,), (-0.2, 0.2)], ids=["two feet", "four feet"])
+def test_robots_hop_whose_legs_hold_their_feet_apart(hips: tuple[float, ...], tmp_path: Path) -> None:
+    """Where both feet of a pair stand, no motion of the legs can move them apart: one holds the other across."""
+    legs = {
+        f"{side}{k}": (x, 0.07 * sign) for k, x in enumerate(hips) for side, sign in (("l", 1), ("r", -1))
+    }
+    stand = "".join(f", joint.hip_{leg} = -0.385, joint.knee_{leg} = 0.7" for leg in legs)
+    spec = f"""constants: n = 72, T = 1.2, h = T/n;
+model: "robot.xml";
+contact:
+  {" ".join(f"{leg} = point(geom.{leg}), friction = 0.7, landing = 5, sudden;" for leg in legs)}
+  [0, 5*n/12]: {" ".join(f"{leg};" for leg in legs)}
+  [7*n/12, n]: {" ".join(f"{leg};" for leg in legs)}
+poses: stand = keyframe.reference{stand};
+constraints: [0]: stand grounded; rest;  [n]: stand + (0.1, 0, 0) grounded; rest;
+objective: [0, n]: integral(effort); integral(1e-4*joint.*''^2);
+"""
+    (tmp_path / "robot.xml").write_text(_on_planar_legs(legs), encoding="utf-8")
+    (tmp_path / "hop.stc").write_text(spec, encoding="utf-8")
+    solution = stc.load(tmp_path / "hop.stc").solve(max_iterations=150)
+    assert solution.status == "optimal"
+    assert validate(solution).passed

@@ -127,3 +127,14 @@ def test_a_surface_that_turns_is_named_with_its_line(tmp_path: Path) -> None:
         SpecError, match=r"the geom `platform` turns \(.*robot.xml:3\): standing on it cannot be stated"
     ):
         load(tmp_path, model, text).problem()
+
+
+@pytest.mark.parametrize(("pull", "count"), [(-9.81, 0), (0.0, 0), (9.81, 1)])
+def test_gravity_that_pulls_upwards_is_pointed_out(pull: float, count: int) -> None:
+    problem = stc.load(
+        'constants: n = 4, h = 0.1; model: "arm.xml"; objective: [0, n]: integral(effort);',
+        **{"option.gravity.z": pull},
+    ).problem()
+    assert [w.message for w in problem.warnings if "upwards" in w.message] == [
+        "gravity pulls upwards, by 9.81 m/s^2"
+    ] * count

@@ -304,9 +304,3 @@ def exact_inertia(matrix: Floats) -> tuple[int, int, int]:
             for i in kept
         ]
     return positive, negative, zero
-
-
-def symmetric(rng: np.random.Generator, size: int, density: float) -> np.ndarray:
-    """A random symmetric matrix with about that share of entries."""
-    a = rng.normal(size=(size, size)) * (rng.random((size, size)) < density)
-    return np.tril(a) + np.tril(a, -1).T

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.certification import certify
+from stc.certification import certify, statements_of
 from stc.solution import Solution
 from stc.specs import locate
 from stc.validate import Metric
@@ -78,6 +78,7 @@ def test_the_summary_of_a_motion_that_failed_tells_what_failed_most_and_what_to_
     wrong = spec("arm_reach").replace("- m2*g*z2;", "- 1.1*m2*g*z2;")
     certificate = certify(stc.load(wrong).solve(), equations=True)
     lines = [str(line) for line in certificate.summary()]
+    assert len(lines) <= 12
     failed = [line for line in lines if line.startswith("  fail  ")]
     assert any(
         "Physics, instant by instant: " in line and "inverse-dynamics residual" in line for line in failed
@@ -193,7 +194,9 @@ def test_numbers_are_short() -> None:
 
 def test_multipliers_stand_beside_their_statements() -> None:
     solution = stc.load(spec("arm_reach")).solve(umax1=12.0)
-    marks = {mark.text: (line, mark) for line in listing(solution) for mark in line.marks}
+    marks = {
+        mark.text: (line, mark) for line in listing(solution, statements_of(solution)) for mark in line.marks
+    }
     for text, (line, _) in marks.items():
         if not text.startswith("equation of motion"):
             assert text in " ".join(line.text.partition("#")[0].split())
@@ -218,7 +221,12 @@ def test_what_is_far_from_its_limit_is_never_active() -> None:
     (block,) = (block for block in solution.multipliers if block.kind == "bound" and block.label == "u1")
 
     def active() -> int:
-        return next(m.active for line in listing(solution) for m in line.marks if "u1" in m.text)
+        return next(
+            m.active
+            for line in listing(solution, statements_of(solution))
+            for m in line.marks
+            if "u1" in m.text
+        )
 
     assert max(np.abs(b.values).max() for b in solution.multipliers if b.kind != "link") > 1.0
     block.values[:] = -2e-8

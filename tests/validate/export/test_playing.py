@@ -152,6 +152,7 @@ replay:
   actuator swing = u;
   set option.gravity.x = m;
   set option.wind.y = k;
+  set option.solref.time = k;
   set body.bob.mass = m;
   set body.bob.com.z = -k;
   set body.bob.inertia.y = m/1300;
@@ -187,6 +188,8 @@ def test_everything_that_a_spec_sets_is_in_the_model(tmp_path: Path, limited: st
         assert np.allclose(getattr(found, name), getattr(wanted, name), rtol=1e-15, atol=0), name
     assert found.opt.gravity[0] == solution.constants["m"]
     assert found.opt.wind[1] == solution.constants["k"]
+    assert np.array_equal(found.geom_solref, wanted.geom_solref)
+    assert found.geom_solref[0, 0] == solution.constants["k"]
     assert found.nkey == 5
 
 
