@@ -14,7 +14,7 @@ from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import ExpressionBuilder
 from stc.language.frames import Frames
 from stc.language.kinks import advice, kinks_in
-from stc.language.model.scope import each_of
+from stc.language.model.stars import each_of
 from stc.language.name_table import DATA_SET
 from stc.language.names import collect_names
 from stc.language.positions import Positions

@@ -19,7 +19,7 @@ from stc.language.definition_values import define, work_out_step
 from stc.language.diagnostics import Diagnostics, did_you_mean
 from stc.language.expressions import TIME
 from stc.language.mechanics import equations_of_motion, forces_on_coordinates
-from stc.language.model.scope import RELAXATION, is_starred
+from stc.language.model.stars import is_starred
 from stc.language.name_table import DATA_SET
 from stc.language.statements import Objective, Relations
 from stc.language.words import METHODS, RESERVED
@@ -185,9 +185,7 @@ class Elaborator(Context):
             of_model=self.model is not None,
             additions=[] if self.model is None else [word.name for word in self.model.statement.additions],
             left_out=[] if self.model is None else [word.name for word in self.model.statement.without],
-            relaxation=RELAXATION
-            if self.model_statements is not None and self.model_statements.is_relaxed()
-            else "",
+            relaxation="" if self.model_statements is None else self.model_statements.relaxation(),
             free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts(),
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
             fixtures=fixtures,

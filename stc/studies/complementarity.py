@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.language.model.free import RATE
 from stc.origin import model_of
 from stc.problem import Problem
 from stc.records import dataclass
@@ -172,6 +171,8 @@ def _of_contacts(solution: Solution, problem: Problem) -> Iterator[Complementari
     contacts = [contact for contact in problem.free_contacts if contact.relaxed]
     if not contacts:
         return
+    from stc.language.model.free import RATE  # which most specs do without
+
     relaxation = solution.constants[problem.relaxation]
     recovery = stated_again(solution).recovery(solution.x, solution.constants)
     for contact in contacts:

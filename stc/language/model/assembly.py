@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.model.contact import Contacts
-from stc.language.model.free import free_contacts, is_relaxed, laws, loads
+from stc.language.model.free import free_contacts, laws, loads
 from stc.language.model.holdings import Equalities
 from stc.language.model.pose_rows import Stated, Values
 from stc.language.model.poses import REFERENCE, Poses
-from stc.language.model.scope import ModelScope
+from stc.language.model.scope import RELAXATION, ModelScope
 from stc.language.model.standing import Pinned, Standing
 from stc.language.model.start import fixed_coordinates, way_between
 from stc.language.model.statements import (
@@ -150,9 +150,9 @@ class ModelStatements:
         """The contacts under ``free:``."""
         return free_contacts(self.contacts)
 
-    def is_relaxed(self) -> bool:
-        """Whether contact laws are relaxed by a constant."""
-        return is_relaxed(self.contacts)
+    def relaxation(self) -> str:
+        """The constant that relaxes the laws of free contacts; empty if none does."""
+        return RELAXATION if any(found.relaxed for found in self.free_contacts()) else ""
 
     def fixtures(self) -> list[Fixture]:
         """The held constraints, which the guess should satisfy."""

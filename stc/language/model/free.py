@@ -103,11 +103,6 @@ def loads(contacts: Contacts, known: Mapping[int, Values]) -> Iterator[Guess]:
             yield Guess(contact.forces[2], share, context.everywhere, found.span)
 
 
-def is_relaxed(contacts: Contacts) -> bool:
-    """Whether a constant relaxes the laws of free contacts."""
-    return any(found.relaxed for found in free_contacts(contacts))
-
-
 def _laws(contacts: Contacts, contact: Contact, phase: Phase, found: FreeContact) -> Iterator[Relation]:
     """Touching, pushing, sticking and sliding, at the end of every step."""
     where, pressure, surface = FrameRange(1, phase.frames.last), found.pressure, phase.surface

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
 
 from stc import models
 from stc.errors import StcError
@@ -26,8 +24,6 @@ from stc.model_source import ADDITIONS
 from stc.problem import ConstantRef, Rotation, VariableRef
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, sym
-
-S = TypeVar("S", bound=syntax.Node)
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 VELOCITY = ("wx", "wy", "wz")
@@ -320,47 +316,6 @@ def _known_words(
             hint = did_you_mean(word.name, known) or f"what can be {what} is {', '.join(known)}"
             diagnostics.error(f"`{word.name}` cannot be {what}", word.start, word.end, hint)
     return [word.name for word in words if word.name in known]
-
-
-def each_of(statement: S, scope: ModelScope) -> Iterator[S]:
-    """The statements for each element that a path with a star stands for; the statement itself without a star."""
-    stars = {name for name in _names_in(statement) if name.endswith(".*")}
-    if not stars:
-        yield statement
-        return
-    for star in sorted(stars):
-        for name in scope.starred(star):
-            yield _renamed(statement, star, name)
-
-
-def is_starred(statement: syntax.Node) -> bool:
-    """Whether a statement contains a path with a star."""
-    return any(name.endswith(".*") for name in _names_in(statement))
-
-
-def _names_in(node: object) -> Iterator[str]:
-    if isinstance(node, syntax.Name):
-        yield node.name
-    elif isinstance(node, syntax.Node):
-        for part in node.__dataclass_fields__:
-            yield from _names_in(getattr(node, part))
-    elif isinstance(node, list | tuple):
-        for each in node:
-            yield from _names_in(each)
-
-
-def _renamed(node: Any, star: str, name: str) -> Any:
-    """A copy of a piece of syntax with another name in a star's place."""
-    if isinstance(node, list):
-        return [_renamed(each, star, name) for each in node]
-    if isinstance(node, tuple):
-        return tuple([_renamed(each, star, name) for each in node])
-    if isinstance(node, syntax.Name):
-        return replace(node, name=name) if node.name == star else node
-    if isinstance(node, syntax.Node):
-        parts = {part: _renamed(getattr(node, part), star, name) for part in node.__dataclass_fields__}
-        return replace(node, **parts)
-    return node
 
 
 #: What the forces of each kind of contact are called.
