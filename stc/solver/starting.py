@@ -15,7 +15,8 @@ from stc.solver.workspace import Workspace, workspace_of
 __all__ = ["WARM_BARRIER", "active_iterate", "cold_iterate", "least_squares_multipliers", "warm_iterate"]
 
 PUSH = 1e-2
-WARM_BARRIER = 1e-3
+WARM_PUSH = 1e-3
+WARM_BARRIER = 1e-5
 ACTIVE_BARRIER = 1e-12
 """With such a product, very near to its bound, what is active is as good as held, and what is not as good as free."""
 
@@ -36,12 +37,12 @@ def cold_iterate(form: ScaledProblem, x: Floats, *, by_gaps: bool = True) -> Ite
 
 
 def warm_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
-    """A strictly interior point near ``x`` (n,), scaled, that keeps the row multipliers ``y`` (m,).
+    """A strictly interior point very near ``x`` (n,), scaled, that keeps the row multipliers ``y`` (m,).
 
     The gap multipliers are those of a barrier problem with parameter :data:`WARM_BARRIER`, or, where the rows'
     multipliers tell of a larger one, that.
     """
-    return _iterate_at(form, x, y, PUSH, WARM_BARRIER)
+    return _iterate_at(form, x, y, WARM_PUSH, WARM_BARRIER)
 
 
 def active_iterate(form: ScaledProblem, x: Floats, y: Floats) -> Iterate:
