@@ -64,14 +64,14 @@ class ExpressionParser:
         return self.token_text(self.at) if self.kind == "name" else ""
 
     def takes(self, word: str) -> bool:
-        """Whether a word or sign follows, which is then read."""
+        """Whether the current token is a certain word or sign; if so, it has been read."""
         found = word in (self.word, self.kind)
         if found:
             self.advance()
         return found
 
     def separated(self, read: Callable[[], T]) -> list[T]:
-        """What stands between commas, one thing at least."""
+        """The things of a list with commas between them, each of which ``read`` reads; one at least."""
         found = [read()]
         while self.takes(","):
             found.append(read())
@@ -79,7 +79,7 @@ class ExpressionParser:
 
     @property
     def end(self) -> int:
-        """The end of what was read last."""
+        """Where the token that was read last ends in the text, in characters from its beginning."""
         return self.ends[self.at - 1]
 
     def described(self) -> str:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from stc.records import dataclass
 from stc.validate import limits
-from stc.validate.replay import replay, time_step_for
+from stc.validate.replay import integrator_for, replay, time_step_for
 from stc.validate.verdict import steering
 
 if TYPE_CHECKING:
@@ -162,7 +162,8 @@ class Recording:
                 return
             feedback, self.law = laws[0], laws[0].kind
         step = time_step_for(self._setup, limits.TIME_STEP)
-        done = replay(self._setup, step, feedback=feedback, watcher=self._keep)
+        integrator = integrator_for(self._setup, step)
+        done = replay(self._setup, step, integrator, feedback=feedback, watcher=self._keep)
         self.broke_at = done.broke_at
 
     def _keep(self, data: mujoco.MjData) -> bool:

@@ -1,4 +1,4 @@
-"""What tests of the command line share."""
+"""The fixture that runs a command line in this process, in an empty folder."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ Stc = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def stc_(stc_: Stc) -> Stc:
-    """The same in a folder with specs."""
+    """Runs a command line in a folder with two feasible specs and an infeasible one."""
     Path("point.stc").write_text(NEAREST_POINT)
     Path("rest.stc").write_text(REST_TO_REST)
     Path("infeasible.stc").write_text(INFEASIBLE)

@@ -24,7 +24,7 @@ OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS) + "f 1 3 2\nf 1 2 4\nf 
 
 @pytest.fixture
 def stc_(stc_: Stc) -> Stc:
-    """The same in a folder with ``hop.stc``, its own model ``hop.xml`` and its solution ``hop.npz``."""
+    """Runs a command line in a folder with ``hop.stc``, its own model ``hop.xml`` and its solution ``hop.npz``."""
     text = stc.load("particle_waypoints").text
     assert "n = 60" in text
     assert '"particle.xml"' in text

@@ -25,7 +25,7 @@ objective: y^2;
 
 @pytest.fixture
 def stc_(stc_: Stc) -> Stc:
-    """The same in a folder with specs."""
+    """Runs a command line in a folder with ``circle.stc``."""
     Path("circle.stc").write_text(CIRCLE)
     return stc_
 

@@ -183,12 +183,12 @@ class Standing:
         last = min((one.frames.last for one in holding), default=0)
         for frame, pinned in sorted(self.pinned.items()):
             if rates and pinned.values is not None and first <= frame <= last:
-                ranks = [
-                    np.linalg.matrix_rank(p.jacobian(rates), DEPENDENT)
-                    for p in (self._at(frame), self.generic)
-                ]
-                if ranks[0] < ranks[1] and remain_dependent(self._at(frame), rates):
-                    return self._at(frame)
+                at = self._at(frame)
+                here, elsewhere = (
+                    np.linalg.matrix_rank(point.jacobian(rates), DEPENDENT) for point in (at, self.generic)
+                )
+                if here < elsewhere and remain_dependent(at, rates):
+                    return at
         return self.generic
 
     def _independent(
