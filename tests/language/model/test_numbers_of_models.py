@@ -8,6 +8,7 @@ import pytest
 
 from stc.errors import SpecError
 from stc.studies.equations import check_equations
+from stc.studies.replay_lines import check_replay_lines
 from stc.validate import validate
 
 from .bodies import load
@@ -140,3 +141,13 @@ def test_a_gear_of_several_numbers_does_not_keep_a_motion_from_being_judged(tmp_
     )
     report = validate(load(tmp_path, robot, spec).solve(), tmp_path / "robot.xml", tracked=False)
     assert max(m.value for m in report.metrics if m.name == "inverse-dynamics residual") < 1e-9
+
+
+def test_a_gear_of_several_parts_is_no_number_of_the_model(tmp_path: Path) -> None:
+    """The replay has the whole gear, of which the first part alone is not to be set."""
+    thrust = ARM.replace("</body>", '<site name="jet" pos="0 0 -.5"/></body>').replace(
+        'joint="a"/></actuator>', 'site="jet" gear="3 1 0 0 2 0"/></actuator>'
+    )
+    check_replay_lines(load(tmp_path, thrust, SPEC).problem())
+    with pytest.raises(SpecError, match="gear"):
+        check_replay_lines(load(tmp_path, thrust, SPEC + "replay: set actuator.a.gear = 2;").problem())
