@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+import stc
+from stc.certification import certify
 from stc.errors import SpecError
 from stc.studies.equations import check_equations
 from stc.studies.replay_lines import check_replay_lines
@@ -151,3 +153,27 @@ def test_a_gear_of_several_parts_is_no_number_of_the_model(tmp_path: Path) -> No
     check_replay_lines(load(tmp_path, thrust, SPEC).problem())
     with pytest.raises(SpecError, match="gear"):
         check_replay_lines(load(tmp_path, thrust, SPEC + "replay: set actuator.a.gear = 2;").problem())
+
+
+FAULTS = {
+    'mass="1"': ('mass="1.1"', "joint a: mass matrix entry"),
+    'armature=".01"': ("", "joint a: mass matrix entry"),
+    'joint="a"/></': ('joint="a" gear="-1"/></', "joint a: force of actuator.a: spec 1, model -1"),
+    'damping=".02"': ("", "joint a: damping by a'"),
+    'frictionloss=".03"': ("", "joint.a.frictionloss were 0.03 instead of 0"),
+}
+
+
+@pytest.mark.parametrize("right", FAULTS)
+def test_numbers_of_another_model_that_is_replayed_are_judged(tmp_path: Path, right: str) -> None:
+    """Those of the spec's own model do not hide them; a number that the spec changes counts for both."""
+    wrong, words = FAULTS[right]
+    arm = ARM.replace('armature=".01"', 'armature=".01" damping=".02" frictionloss=".03"')
+    assert right in arm
+    (tmp_path / "other.xml").write_text(arm.replace(right, wrong), encoding="utf-8")
+    spec = SPEC + 'constants: option.gravity.z = -9; replay: model = "other.xml";'
+    load(tmp_path, arm, spec).solve().save(tmp_path / "motion.npz")
+    certificate = certify(stc.read(tmp_path / "motion.npz"))
+    assert not certificate.passed
+    assert words in certificate.headline
+    assert "gravity" not in certificate.headline
