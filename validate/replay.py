@@ -155,7 +155,10 @@ def replay(
     simulation = _Simulation(setup, model, integrator, feedback, external, meter)
     if every_step:
         simulation.restarts = set(range(setup.solution.n))
-    return simulation.run(time_step, watcher)
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a simulation that goes astray ends before its numbers do
+        return simulation.run(time_step, watcher)
 
 
 #: Of the classical Runge-Kutta method: the share of the step at which a stage is, its weight, and the instant of the
