@@ -153,7 +153,10 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
             scale, *(float(np.abs(f[order]).max()) for f in (needed, delivered, data.qfrc_bias, gathered))
         )
         left = ties.without(data.qpos, needed - delivered)
-        return np.abs(left if dry is None else dry.without(left, data.qvel, data.qacc))
+        if dry is not None:
+            passed = ties.without(data.qpos, np.eye(model.nv)) if model.neq else None
+            left = dry.without(left, data.qvel, data.qacc, passed)
+        return np.abs(left)
 
     first, last = solution.force_frames or (0, solution.n)
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)

@@ -88,10 +88,10 @@ class Replay:
 def time_step_for(setup: Setup, longest: float, contacts: bool = True) -> float:
     """The time step of a replay, with or without the model's contacts, no longer than ``longest``.
 
-    Contacts are as stiff as the step is short, so a model's own is not exceeded.  Nor is the time in which dampers slow
-    a joint: Runge and Kutta's method is stable up to 2.8 times that.
+    Contacts and equalities are as stiff as the step is short, so a model's own is not exceeded.  Nor is the time in
+    which dampers slow a joint: Runge and Kutta's method is stable up to 2.8 times that.
     """
-    if contacts and len(setup.contact):
+    if (contacts and len(setup.contact)) or setup.compiled.neq:
         longest = min(longest, float(setup.compiled.opt.timestep))
     rate = _fastest_decay(setup)
     return longest if rate * longest <= 1.0 else max(1.0 / rate, longest / _FINEST)
@@ -155,7 +155,10 @@ def replay(
     simulation = _Simulation(setup, model, integrator, feedback, external, meter)
     if every_step:
         simulation.restarts = set(range(setup.solution.n))
-    return simulation.run(time_step, watcher)
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a simulation that goes astray ends before its numbers do
+        return simulation.run(time_step, watcher)
 
 
 #: Of the classical Runge-Kutta method: the share of the step at which a stage is, its weight, and the instant of the

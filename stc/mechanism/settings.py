@@ -17,7 +17,7 @@ path                                           what it is
 ``site.NAME.pos.x`` (``.y``, ``.z``), ``geom``  place in the body's frame, m
 ``geom.NAME.friction.slide`` (``.spin``,       friction coefficients
 ``.roll``)
-``actuator.NAME.gear``                         the first number of its gear
+``actuator.NAME.gear``                         its gear, if that is one number
 =============================================  ================================================================
 
 A mass does not scale an inertia.  Some positions cannot be set, because MuJoCo derives other numbers from them: those
@@ -96,7 +96,8 @@ def _all(mechanism: Mechanism) -> dict[Path, float]:
             low, high = joint.bounds if joint.limited else (-_NO_END, _NO_END)
             found["joint", joint.name, "lower"], found["joint", joint.name, "upper"] = low, high
     for actuator in mechanism.actuators:
-        found["actuator", actuator.name, "gear"] = actuator.gear[0]
+        if not any(actuator.gear[1:]):
+            found["actuator", actuator.name, "gear"] = actuator.gear[0]
     return found
 
 

@@ -84,10 +84,10 @@ class ModelStatements:
         if where.first != where.last:
             return self.poses.relations(statement, where)
         pinned = self.pinned.setdefault(where.first, Pinned())
-        for row in self.poses.rows(statement) or []:
+        for row in self.poses.rows(statement, where.first) or []:
             pinned.rows.append((row, statement))
         if statement.base.name != "rest":
-            pinned.values = self.poses.values(statement) or pinned.values
+            pinned.values = self.poses.values(statement, where.first) or pinned.values
             pinned.statement = statement
         return []
 
@@ -126,7 +126,7 @@ class ModelStatements:
         assert self.poses is not None
         if where.first != where.last:
             return self.poses.guesses(pose, where)
-        values = self.poses.values(pose)
+        values = self.poses.values(pose, where.first)
         if values is not None:
             self.guessed[where.first] = values
         return []

@@ -416,14 +416,24 @@ class Contacts(Schedule):
                         self.context.span(phase.statement),
                     )
 
-    def heights(self) -> list[Expr]:
-        """The distance of every place of contact from the floor."""
+    def heights(self, frame: int | None) -> list[Expr]:
+        """How far every place of contact is above the surface on which it stands at a frame; if none does, or without
+        a frame, above the floor.
+        """
+        able = [one for one in self.contacts.values() if one.kind != "pin"]
+        standing = [
+            (one, phase.surface)
+            for one in able
+            for phase in one.phases
+            if frame is not None and phase.frames.first <= frame <= phase.frames.last
+        ]
         ground = floor(self.scope)
+        pairs = standing or [(one, ground) for one in able if self.surface(one).frame is None]
         return [
-            height
-            for one in self.contacts.values()
-            if one.kind != "pin" and self.surface(one).frame is None
-            for height in self.heights_above(one, ground)
+            div(height, num(surface.normal[2]))
+            for one, surface in pairs
+            if surface.frame is None and surface.normal[2] > 0.0
+            for height in self.heights_above(one, surface)
         ]
 
     def flights(self) -> list[tuple[int, int]]:

@@ -140,7 +140,7 @@ def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Co
             ends[k] = -ends[k]
     for a, b in _stretches(places, context.n):
         half = math.acos(min(1.0, max(-1.0, float(ends[a] @ ends[b]))))
-        if half < 1e-9:
+        if half < 1e-7:  # an arc cosine is no more exact than the root of a rounding error
             bodies: list[Expr] = [num(float(part)) for part in ends[a]]
         else:
             first, last = places[a][0], places[b][0]

@@ -138,7 +138,8 @@ def replay_lines(context: Context, scope: ModelScope) -> Iterator[ReplayChannel]
         _, *path = parts_of(name)
         yield ReplayChannel("actuator", tuple(path), sym(VariableRef(name)), span)
     for name in scope.constants:
-        yield ReplayChannel("set", tuple(parts_of(name)), sym(ConstantRef(name)), span)
+        usual = None if name in scope.structural else scope.constants[name]
+        yield ReplayChannel("set", tuple(parts_of(name)), sym(ConstantRef(name)), span, usual)
 
 
 __all__ = ["bounds", "equations_of_motion", "replay_lines"]

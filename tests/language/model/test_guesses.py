@@ -86,3 +86,14 @@ def test_what_an_equality_holds_to_the_world_does_not_fall(tmp_path: Path) -> No
     )
     spec = "constants: n = 10, T = 0.5, h = T/n; constraints: [0]: keyframe.reference; rest;"
     assert Guess(tmp_path, hung, spec)("joint.root.z") == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_pose_alone_is_kept_however_its_quaternion_is_rounded(tmp_path: Path) -> None:
+    """The product of some unit quaternions with themselves is a little below 1."""
+    spec = "constants: n = 4, T = 0.5, h = T/n; constraints: [0]: keyframe.reference; rest;"
+    for angles in ("70.843 53.417 42.192", "10 20 30", "-41 7 100"):
+        turned = BOX.replace('name="box"', f'name="box" euler="{angles}"')
+        model = mujoco.MjModel.from_xml_string(turned)
+        start = Guess(tmp_path, turned, spec)
+        for k, part in enumerate("wxyz"):
+            assert start(f"joint.root.q{part}") == pytest.approx(model.qpos0[3 + k], abs=1e-9)
