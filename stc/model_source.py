@@ -365,6 +365,20 @@ def _add_floor(spec: mujoco.MjSpec) -> None:
     )
 
 
+def _release(spec: mujoco.MjSpec) -> None:
+    """No weld or connect to a mocap body, which is fixed in the world until a program moves it."""
+    import mujoco
+
+    sites = {site.name: site.parent for site in spec.sites}
+    bodies = {body.name: body for body in spec.bodies}
+    for equality in list(spec.equalities):
+        if equality.type in (mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_CONNECT):
+            known = sites if equality.objtype == mujoco.mjtObj.mjOBJ_SITE else bodies
+            ends = [known[name] for name in (equality.name1, equality.name2) if name in known]
+            if any(body.mocap for body in ends):
+                spec.delete(equality)
+
+
 def _free_name(wanted: str, taken: Iterable[str]) -> str:
     known, name, number = set(taken), wanted, 1
     while name in known:
@@ -382,4 +396,12 @@ ADDITIONS: dict[str, tuple[str, Callable[[mujoco.MjSpec], None]]] = {
     "freejoint": ("free joints for bodies that are fixed to the world and carry joints", _free_roots),
     "motors": ("a motor for each hinge and slide that nothing drives", _add_motors),
     "floor": ("the plane z = 0, where there is none", _add_floor),
+    "mocap": (
+        "mocap bodies where what is welded to them is at the first frame, as a program that moves them begins",
+        lambda _: None,  # the equations and the replay see to it
+    ),
+    "release": (
+        "no weld or connect to mocap bodies, which stay where they are until a program moves them",
+        _release,
+    ),
 }
