@@ -114,8 +114,8 @@ def _robot(content: str, folder: Path, decode: bool = False) -> tuple[mujoco.MjS
     changes = [
         *_find_meshes(spec, meshes, decode),
         *_without_size(spec),
-        *_weighed(spec),
         *_possible_inertias(spec),
+        *_weighed(spec),
     ]
     _join_joints(spec)
     _tie_followers(spec, content)
@@ -137,8 +137,8 @@ def _content(source: str | os.PathLike[str]) -> str | None:
 #: Endings of meshes that MuJoCo reads.
 _READ = (".stl", ".obj", ".msh")
 
-#: A link of less than this has no mass, in kg.
-_NO_MASS = 1e-10
+#: A link of less than this has no mass, in kg; and with less than this about an axis, in kg m^2, MuJoCo takes none.
+_NO_MASS, _NO_INERTIA = 1e-10, 1e-13
 
 #: The least principal moment of inertia that a link is given, as a share of its largest.
 _LEAST = 1e-6
@@ -291,7 +291,7 @@ def _possible_inertias(spec: mujoco.MjSpec) -> list[str]:
             continue
         xx, yy, zz, xy, xz, yz = body.fullinertia
         moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        possible = np.maximum(moments, _LEAST * moments[2])
+        possible = np.maximum(moments, max(_LEAST * moments[2], _NO_INERTIA))
         excess = possible[2] - possible[0] - possible[1]
         if excess > 0.0:  # the nearest moments of which none is larger than the sum of the others
             possible += (1.0 + 1e-6) * excess / 3.0 * np.array([1.0, 1.0, -1.0])
