@@ -43,7 +43,7 @@ def collect_names(
         from stc.language.model.scope import model_of  # which most specs do without
 
         written = {
-            name: e.value.value for name, e in table.entries.items() if isinstance(e.value, syntax.Number)
+            name: value for name, e in table.entries.items() if (value := _literal(e.value)) is not None
         }
         table.model = model_of(spec, {**written, **(overrides or {})}, diagnostics)
         if table.model is not None:
@@ -52,6 +52,14 @@ def collect_names(
     elif any("." in name for name in table.entries):
         _check_paths(table, {}, diagnostics)
     return table
+
+
+def _literal(value: syntax.Expression | None) -> float | None:
+    """The value of a number, also with a minus sign; None for other expressions."""
+    if isinstance(value, syntax.Negate):
+        inner = _literal(value.operand)
+        return None if inner is None else -inner
+    return value.value if isinstance(value, syntax.Number) else None
 
 
 def _check_paths(table: NameTable, numbers: Mapping[str, float], diagnostics: Diagnostics) -> None:

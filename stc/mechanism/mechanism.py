@@ -377,6 +377,13 @@ class Mechanism:
         """The coordinates in the pose of the file."""
         return tuple([value for joint in self.joints for value in joint.reference])
 
+    def welded_to_mocap(self, equality: Equality) -> bool:
+        """Whether a constraint welds a body to a mocap body, which stays where it is until a program moves it."""
+        ends = (equality.first, equality.second)
+        return (equality.kind, equality.between) == ("weld", "body") and any(
+            self.bodies[body].mocap for body in ends
+        )
+
     def below(self, body: int) -> list[int]:
         """A body and all its descendants, in ascending order."""
         found = {body}

@@ -21,8 +21,8 @@ path                                           what it is
 =============================================  ================================================================
 
 A mass does not scale an inertia.  Some positions cannot be set, because MuJoCo derives other numbers from them: those
-of bodies in a model with a connect of bodies, whose anchor is that in the file; those of bodies and sites in a model
-with an equality between spatial tendons.
+of bodies in a model with a connect of bodies, whose anchor is that in the file, or with a weld of bodies that holds
+them as the file draws them; those of bodies and sites in a model with an equality between spatial tendons.
 """
 
 from __future__ import annotations
@@ -71,7 +71,9 @@ def _followed(mechanism: Mechanism) -> set[tuple[str, str]]:
     """Kinds and fields from which other numbers of the model are derived."""
     found = set()
     for equality in mechanism.equalities:
-        if equality.kind == "connect" and equality.between == "body":
+        # The last number of a weld says whether MuJoCo derives how its two bodies are to lie.
+        derived = equality.kind == "connect" or (equality.kind == "weld" and equality.data[11])
+        if derived and equality.between == "body":
             found.add(("body", "pos"))
         if equality.kind == "tendon":
             ends = [mechanism.tendons[index] for index in (equality.first, equality.second) if index >= 0]

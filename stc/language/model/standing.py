@@ -92,6 +92,7 @@ class Standing:
         self._points: dict[int, Point] = {}
         self.generic = self._generic(links)
         self.drawn = self._drawn()
+        self._check_links(links)
         self.stretches = list(self._stretches())
 
     def _placed(self, one: Holding) -> Holding:
@@ -115,9 +116,43 @@ class Standing:
             if one.rotation is not None:
                 q = np.array(reference[len(one.positions) :]) + rng.normal(size=4, scale=0.1)
                 values.update(zip(one.rotation.quaternion, (q / np.linalg.norm(q)).tolist()))
+        point = Point(self.scope, values, self.numbers)
         places = [place for one in links for place in one.places if place.zero is not None]
-        zeros = [place.zero for place in places if place.zero is not None]
-        return Point(self.scope, values, self.numbers).closed(zeros, [place.rate for place in places])
+        moved = np.abs(point.jacobian([place.rate for place in places])).max(axis=1, initial=0.0) > DEPENDENT
+        #: Of the constraints with known places each row, and whether any joint changes it.
+        self.rows = [(place, bool(changes)) for place, changes in zip(places, moved, strict=True)]
+        return self._closed(point)
+
+    def _closed(self, point: Point) -> Point:
+        """A configuration close by in which the model's loops are closed, as far as joints can."""
+        rows = [place for place, changes in self.rows if changes]
+        return point.closed(
+            [place.zero for place in rows if place.zero is not None], [place.rate for place in rows]
+        )
+
+    def _check_links(self, links: Sequence[Holding]) -> None:
+        """Check that there is a configuration in which the model's equality constraints hold.
+
+        What no joint changes is told: it has no effect in MuJoCo either.
+        """
+        named = [one.name for one in links for place in one.places if place.zero is not None]
+        zeros = [place.zero for place, _ in self.rows if place.zero is not None]
+        moved = np.array([changes for _, changes in self.rows], bool)
+        starts = [self.generic, self.drawn, *(self._at(frame) for frame in self.pinned)]
+        offs = [np.abs(self._closed(start).numbers(zeros)) for start in starts] if zeros else []
+        least = min(offs, key=lambda off: float((off * moved).max()), default=np.zeros(0))
+        statement, told = self.scope.statement, set[str]()
+        for name, off, changes in zip(named, least.tolist(), moved.tolist(), strict=True):
+            if off > OFF_SURFACE and name not in told:
+                told.add(name)
+                if changes:
+                    message = (
+                        f"`{name}` cannot hold: the nearest pose that was found is {off:.3g} m or rad off"
+                    )
+                    self.context.error(statement, message, "even without the ranges of joints")
+                else:
+                    message = f"`{name}` is {off:.3g} m or rad off in a direction in which no joint moves what it ties"
+                    self.context.diagnostics.warning(message, statement.start, statement.end)
 
     def _drawn(self) -> Point:
         """The model's first keyframe, or the pose of its file."""
@@ -239,10 +274,13 @@ class Standing:
         """The held constraints for the guess; ``poses`` are frames with known poses, which determine the places of
         feet.
         """
+        idle = {id(place) for place, changes in self.rows if not changes}
         for one in self.holdings:
             first, last = one.frames.first, one.frames.last
             reference = min([frame for frame in poses if first <= frame <= last], default=first)
-            lasting = [place for place in (*one.places, *one.nearly) if not place.start]
+            lasting = [
+                place for place in (*one.places, *one.nearly) if not place.start and id(place) not in idle
+            ]
             known = [(place.zero, place.rate) for place in lasting if place.zero is not None]
             same = [(place.change, place.rate) for place in lasting if place.change is not None]
             for some in filter(None, (known, same)):
