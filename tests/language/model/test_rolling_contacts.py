@@ -66,6 +66,37 @@ def test_a_radius_is_a_number_and_of_a_point_of_a_body(tmp_path: Path, place: st
         load(tmp_path, LOG.format(height=0.1, floor="", log=""), spec).problem()
 
 
+def test_a_capsule_is_named_with_its_ends(tmp_path: Path) -> None:
+    """What the message proposes is what MuJoCo's own capsule touches with, and solves."""
+    log = LOG.format(height=0.1, floor="", log='name="trunk" margin="0.001"')
+    spec = ROLL.format(radius=0.101, stiff=5e-4)
+    for place in ("point(geom.trunk), radius = 0.101", "point(geom.trunk)"):
+        with pytest.raises(SpecError) as caught:
+            load(tmp_path, log, spec.replace("point(body.log, 0, 0.3, 0), radius = 0.101", place)).problem()
+        for end in ("point(body.log, 0, -0.3, 0)", "point(body.log, 0, 0.3, 0)", "radius = 0.101"):
+            assert f"`{end}`" in str(caught.value)
+
+
+def test_a_site_may_be_the_middle_of_a_ball(tmp_path: Path) -> None:
+    log = LOG.format(height=0.1, floor="", log="").replace(
+        "</body>", '<site name="left" pos="0 .3 0"/></body>'
+    )
+    spec = ROLL.format(radius=0.1, stiff=5e-4)
+    plain = load(tmp_path, log, spec)
+    named = load(tmp_path, log, spec.replace("point(body.log, 0, 0.3, 0)", "point(site.left)"))
+    assert named.solve()["joint.x"] == pytest.approx(plain.solve()["joint.x"], abs=1e-9)
+
+
+@pytest.mark.parametrize(("away", "warned"), [(0.0, False), (2e-3, True), (0.2, False)])
+def test_a_ball_beside_one_of_the_model_is_told(tmp_path: Path, away: float, warned: bool) -> None:
+    """Rounded numbers put a contact where MuJoCo has none; a ball far from any geom is meant to be there."""
+    spec = ROLL.format(radius=0.1, stiff=5e-4).replace("0, -0.3, 0", f"0, {-0.3 + away}, 0")
+    model = load(tmp_path, LOG.format(height=0.1, floor="", log=""), spec)
+    told = [warning for warning in model.problem().warnings if "beside this ball" in warning.message]
+    assert len(told) == warned
+    assert not told or "point(body.log, 0, -0.3, 0), radius = 0.1" in told[0].message
+
+
 #: A ball without friction on a floor that has some.
 SLED = """<mujoco><option timestep=".0005"/><worldbody><geom name="floor" type="plane" size="5 5 1" friction=".8"/>
   <body name="sled" pos="0 0 .1"><freejoint name="root"/><geom name="runner" size=".1" mass="2" {runner}/></body>
