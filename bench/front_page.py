@@ -15,7 +15,6 @@ from pathlib import Path
 
 import stc
 from stc.certification import certify
-from stc.validate import limits
 from stc.validate.contact import contact_metrics
 from stc.validate.metrics import Metric
 from stc.validate.replay import replay, stepping_for

@@ -15,7 +15,6 @@ from pathlib import Path
 import stc
 from stc.solution import Solution
 from stc.transcription.operations import count_operations
-from stc.validate import limits
 from stc.validate.contact import contact_metrics
 from stc.validate.metrics import Metric
 from stc.validate.replay import Replay, replay, stepping_for

@@ -103,9 +103,9 @@ def stepping_for(setup: Setup, longest: float = limits.TIME_STEP, wanted: str = 
     """The time steps of replays, no longer than ``longest``, and their integrator.
 
     Contacts are as stiff as the step is short, so a model's own is not exceeded.  Nor is the time in which dampers slow
-    a joint, since Runge and Kutta's method is stable up to 2.8 times that.  Where dampers are so stiff that the shortest
-    step exceeds it, as in hands whose light fingers have the damping of an arm, MuJoCo's implicit integrator takes its
-    place.
+    a joint, since Runge and Kutta's method is stable up to 2.8 times that.  Where dampers are so stiff that even the
+    shortest step exceeds it, as in hands whose light fingers have the damping of an arm, MuJoCo's implicit integrator
+    takes its place.
     """
     rate = _fastest_decay(setup)
 

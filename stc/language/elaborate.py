@@ -186,7 +186,7 @@ class Elaborator(Context):
             additions=[] if self.model is None else [word.name for word in self.model.statement.additions],
             left_out=[] if self.model is None else [word.name for word in self.model.statement.without],
             relaxation="" if self.model_statements is None else self.model_statements.relaxation(),
-            free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts(),
+            free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts,
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
             fixtures=fixtures,
             root=frozenset() if self.model_statements is None else self.model_statements.root(),
