@@ -535,9 +535,8 @@ class ExpressionBuilder:
                 hint = f"its frames are 0 to {self.constants.n}"
                 if at[0] == 0 and not (at[1].denominator == 1 and 0 <= at[1] <= (self.constants.n or 0)):
                     return self.fail(node, f"`{key.name}` is read at frame {at[1]}, outside the motion", hint)
-                if (
-                    max(map(abs, at)) > MOST_FRAMES
-                ):  # such numbers of frames do not fit into the integers of arrays
+                # Such numbers of frames would not fit into the integers of arrays.
+                if abs(at[0]) > MOST_FRAMES or abs(at[1]) > MOST_FRAMES:
                     return self.fail(node, f"`{key.name}` is read outside the motion", hint)
                 mapping[key] = sym(replace(key, scale=at[0], shift=at[1]))
             elif isinstance(key, IndexRef):
