@@ -536,7 +536,7 @@ class ExpressionBuilder:
                 if at[0] == 0 and not (at[1].denominator == 1 and 0 <= at[1] <= (self.constants.n or 0)):
                     return self.fail(node, f"`{key.name}` is read at frame {at[1]}, outside the motion", hint)
                 # Such numbers of frames would not fit into the integers of arrays.
-                if abs(at[0]) > MOST_FRAMES or abs(at[1]) > MOST_FRAMES:
+                if not all(-MOST_FRAMES <= number <= MOST_FRAMES for number in at):
                     return self.fail(node, f"`{key.name}` is read outside the motion", hint)
                 mapping[key] = sym(replace(key, scale=at[0], shift=at[1]))
             elif isinstance(key, IndexRef):
