@@ -22,7 +22,7 @@ from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.model.stars import is_starred
 from stc.language.name_table import DATA_SET
 from stc.language.statements import Objective, Relations
-from stc.language.words import METHODS, RESERVED
+from stc.language.words import RESERVED
 from stc.problem import (
     ConstantRef,
     FrameRange,
@@ -36,6 +36,7 @@ from stc.problem import (
     VariableRef,
 )
 from stc.symbolic.expr import Expr, evaluate, looked_up, symbols
+from stc.trajectory import METHODS
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
