@@ -309,7 +309,7 @@ class _Simulation:
             if self.meter is not None:
                 self.meter.add(self.frame, model, data, weight * h)
             if stage:
-                rate = rate_of_way(way, qvel.copy(), self.turning)
+                rate = rate_of_way(way, qvel, self.turning)
             else:
                 data.qacc_warmstart[:] = qacc
             velocity += weight * rate
