@@ -41,10 +41,10 @@ from stc.solution import Solution, read
 from stc.solver import IterationRecord, Options, Start, Status
 from stc.solver.options import given_options
 from stc.solving import ColdSolve, solve
+from stc.trajectory import METHODS
 from stc.transcription import Transcription, transcribe
 from stc.transcription.bind import BoundProgram
 from stc.transcription.guess import check_motion, check_names
-from stc.transcription.schemes import METHODS
 from stc.unfinished import Unfinished, motion_at
 from stc.warm_start import aligned, start_from
 
@@ -460,7 +460,7 @@ class Model:
 
 def _check_method(method: object) -> None:
     """Refuse an unknown transcription."""
-    if method is not None and method not in tuple(METHODS):
+    if method is not None and method not in METHODS:
         raise UsageError(f"unknown method {method!r}", f"the methods are {', '.join(METHODS)}")
 
 

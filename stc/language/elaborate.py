@@ -22,7 +22,7 @@ from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.model.stars import is_starred
 from stc.language.name_table import DATA_SET
 from stc.language.statements import Objective, Relations
-from stc.language.words import METHODS, RESERVED
+from stc.language.words import RESERVED
 from stc.problem import (
     ConstantRef,
     FrameRange,
@@ -36,6 +36,7 @@ from stc.problem import (
     VariableRef,
 )
 from stc.symbolic.expr import Expr, evaluate, looked_up, symbols
+from stc.trajectory import METHODS
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
@@ -186,7 +187,7 @@ class Elaborator(Context):
             additions=[] if self.model is None else [word.name for word in self.model.statement.additions],
             left_out=[] if self.model is None else [word.name for word in self.model.statement.without],
             relaxation="" if self.model_statements is None else self.model_statements.relaxation(),
-            free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts(),
+            free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts,
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
             fixtures=fixtures,
             root=frozenset() if self.model_statements is None else self.model_statements.root(),

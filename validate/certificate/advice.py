@@ -9,20 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stc.validate.certificate.blame import rank
+from stc.validate.certificate.table import EQUATIONS
 from stc.validate.metrics import Metric
 
-#: Metrics of the solver's answer, of the equations as such, of what in these an impulse depends on, and of the ground,
-#: by how their names begin.
+#: Metrics of the solver's answer, of what in the equations of motion an impulse depends on, and of the ground, by how
+#: their names begin.
 _SOLVER = ("constraint violation", "KKT residual")
-_EQUATIONS = (
-    "equations of motion",
-    "mass matrix",
-    "static force",
-    "gravity",
-    "velocity product",
-    "damping",
-    "force, entry",
-)
 _IMPULSIVE = ("mass matrix", "force, entry")
 _GROUND = ("contact", "penetration", "slip", "normal", "external")
 
@@ -30,22 +22,7 @@ _GROUND = ("contact", "penetration", "slip", "normal", "external")
 _FIT = "contact force that no contact gives"
 _SINGLE_FORCES = ("friction used", "contact force, solved one pulls")
 
-#: Metrics that the distance of the frames is in.
-_STEP = (
-    "residual between",
-    "inequality between",
-    "energy balance",
-    "momentum in flight",
-    "angular momentum",
-    "open-loop",
-    "tracked",
-    "feedback",
-    "external",
-    "order of convergence",
-)
-
-
-#: Those of them that are of a replay.
+#: Metrics of a replay.
 _REPLAYED = ("open-loop", "tracked", "feedback")
 
 #: Metrics of a motion on the ground that finer frames enlarge or reduce whatever the contacts of the model do.
@@ -57,6 +34,9 @@ _TRUNCATION = (
     "angular momentum",
     "external",
 )
+
+#: All metrics that the distance of the frames is in.
+_STEP = (*_TRUNCATION, *_REPLAYED, "order of convergence")
 
 
 #: What is said of a body that slides without its friction, before it is said how much that has.
@@ -180,7 +160,7 @@ def _impulses_differ(failed: Sequence[Metric]) -> bool:
 
     Wrong gravity, for example, gives no impulse.  If the terms were not compared, any of them may be wrong.
     """
-    wrong = [metric for metric in failed if metric.name.startswith(_EQUATIONS)]
+    wrong = [metric for metric in failed if metric.name.startswith(EQUATIONS)]
     terms = [metric for metric in wrong if not metric.name.startswith("equations of motion")]
     return any(metric.name.startswith(_IMPULSIVE) for metric in terms) or bool(wrong and not terms)
 
@@ -200,7 +180,7 @@ def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
             "make the joint lines under replay: satisfy the model's equality: check signs, ratios, and the zero "
             "positions of the model's joints"
         )
-    if name.startswith(_EQUATIONS):
+    if name.startswith(EQUATIONS):
         return EQUATIONS_STEP
     if name.startswith("unexplained impulse, pulls"):
         return (
