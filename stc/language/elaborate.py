@@ -503,7 +503,12 @@ class Elaborator(Context):
 
     def _no_guess_for(self, name: syntax.Name, kind: str | None) -> None:
         word = name.name
-        if word in self.tree.damaged:
+        if word in self.tree.damaged or ("." in word and self.builder.model_is_missing):
+            return
+        if kind is None and "." in word and self.model is not None:
+            hint = did_you_mean(word, self.table.of_kind("variable"))
+            hint = hint or "coordinates and controls are guessed, or a pose: `[20]: keyframe.stand;`"
+            self.error(name, f"`{word}` is no coordinate or control of the model", hint)
             return
         if kind is None and word not in RESERVED and word not in ("n", "h"):
             unknowns = [*self.table.of_kind("variable"), *self.table.of_kind("parameter")]

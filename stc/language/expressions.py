@@ -426,7 +426,7 @@ class ExpressionBuilder:
         if len(arguments) != 1 or not isinstance(arguments[0], syntax.Name):
             return self.fail(node, "`momentum` takes the name of one coordinate, as in `momentum(x)`")
         name = arguments[0].name
-        if self.paths is not None:
+        if self.paths is not None or self.model_is_missing:
             hint = "write `momentum.x` of the whole, `angular.x`, or `momentum.NAME.x` of a body and what hangs on it"
             return self.fail(node, "a spec with a model has no Lagrangian, and so no `momentum(q)`", hint)
         if self.momenta is None:

@@ -68,7 +68,7 @@ def _check_paths(table: NameTable, numbers: Mapping[str, float], diagnostics: Di
         if "." in name and (entry.kind not in ("constant", "parameter") or name not in numbers):
             hint = (
                 did_you_mean(name, numbers)
-                or "numbers of the model can be given, or be parameters: `body.NAME.mass`"
+                or "numbers of the model can be given or, where they are not 0, be parameters: `body.NAME.mass`"
             )
             message = f"`{name}` is not a number of the model that can be a {entry.kind}"
             diagnostics.error(message, entry.start, entry.end, hint)
