@@ -123,7 +123,8 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     momentum, mass = np.zeros(model.nv), np.zeros((model.nv, model.nv))
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, mass)
-    nothing = _STILL * mass.diagonal()[order] / duration**2 if duration > 0.0 else np.zeros(len(order))
+    # A force f moves an inertia m by f t^2/(2 m).
+    nothing = 2.0 * _STILL * mass.diagonal()[order] / duration**2 if duration > 0.0 else np.zeros(len(order))
     scale = at_rest = float(nothing.max(initial=0.0))
     moved = np.zeros(model.nv)
 

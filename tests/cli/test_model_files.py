@@ -406,7 +406,7 @@ _MOUNTED = {
         type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass="1"/><body pos=".3 0 0"><joint name="flap" axis="0 -1 0"
         range="0 1" damping="1e-3"/><geom type="capsule" fromto="0 0 0 .1 0 0" size=".01" mass=".01"/></body></body>
         </worldbody><actuator><motor joint="arm"/></actuator></mujoco>""",
-        "holds the joints that its motors move",
+        "holds a pose that takes the least effort",  # it hangs
     ),
 }
 
