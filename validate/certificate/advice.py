@@ -58,6 +58,12 @@ _UNJUDGED = (
     "if it does not, the equations are wrong"
 )
 
+#: What helps where something comes down at speed and the replay does not follow from there.
+_GENTLY = (
+    "land more gently: put the speed of the touchdown into the objective, as `landing = 20` at a contact does, and "
+    "raise the number until the replay follows"
+)
+
 
 def next_steps(
     metrics: Sequence[Metric],
@@ -111,6 +117,11 @@ def next_steps(
                 found[_UNJUDGED] = None
             if step and not causes:
                 found.update(dict.fromkeys(contacts if contacts and fine else [step]))
+    lands = any(
+        metric.name.startswith("energy at velocity jumps") and metric.value < 0.0 for metric in metrics
+    )
+    if lands and not wrong and any("on the ground" in metric.name for metric in failed):
+        found[_GENTLY] = None
     # Off the ground and on it the step is the same one, with more to say of it there.
     last = swings if not wrong or any(metric.name.startswith("contact force") for metric in failed) else ()
     found = dict.fromkeys([*causes, *found, *last]) if failed else {}

@@ -97,6 +97,67 @@ def test_a_ball_beside_one_of_the_model_is_told(tmp_path: Path, away: float, war
     assert not told or "point(body.log, 0, -0.3, 0), radius = 0.1" in told[0].message
 
 
+#: A leg whose foot is a capsule with two ends, or a ball; its root may move along x and z.
+LEG = """<mujoco><option timestep=".0005"/><worldbody><geom name="floor" type="plane" size="5 5 1"/>
+  <body name="hip" pos="0 0 .65"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+  <geom size=".08" mass="4"/><body name="thigh"><joint name="hip" axis="0 1 0" range="-120 120"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".03" mass=".5"/><body name="shin" pos="0 0 -.3">
+  <joint name="knee" axis="0 1 0" range="-150 150"/><geom type="capsule" fromto="0 0 0 0 0 -.3" size=".03" mass=".3"/>
+  <body name="foot" pos="0 0 -.3"><joint name="ankle" axis="0 1 0" range="-90 90"/>{foot}</body></body></body></body>
+  </worldbody><actuator><motor name="hip" joint="hip"/><motor name="knee" joint="knee"/>
+  <motor name="ankle" joint="ankle"/></actuator></mujoco>"""
+
+RISE = """constants: n = 16, T = 0.6, h = T/n, D = 0;
+contact: {contact}
+poses:
+  low = keyframe.reference grounded, joint.hip = -0.9, joint.knee = 1.3, joint.ankle = {ankle};
+  high = keyframe.reference grounded, joint.hip = -0.4, joint.knee = 0.8, joint.ankle = -0.4;
+constraints: [0]: low; rest; [n]: high + (D, 0, 0); rest;
+objective: [0, n]: integral(effort);
+"""
+FLAT = (
+    '<geom type="capsule" fromto="-.1 0 0 .1 0 0" size=".05" mass=".2"/>',
+    "for k in 1, 2: c{k} = point(body.foot, 0.2*{k} - 0.3, 0, 0), radius = 0.05; [0, n]: c1; c2;",
+)
+BALL = (
+    '<geom name="ball" size=".05" mass=".2"/>',
+    "ball = point(geom.ball); [0, n]: ball;",
+)
+
+
+def _moved(foot: tuple[str, str], ankle: float) -> float:
+    """How far the hip is to move for the foot to stay, or to roll without slip, by the leg's geometry."""
+
+    def middle(hip: float, knee: float) -> float:
+        return -0.3 * (math.sin(hip) + math.sin(hip + knee))
+
+    rolled = 0.05 * (0.0 - (-0.9 + 1.3 + ankle)) if foot is BALL else 0.0
+    return middle(-0.9, 1.3) + rolled - middle(-0.4, 0.8)
+
+
+@pytest.mark.parametrize(("foot", "ankle"), [(FLAT, -0.4), (BALL, -0.4), (BALL, 0.1)])
+def test_poses_between_which_a_ball_would_slide_are_told(
+    tmp_path: Path, foot: tuple[str, str], ankle: float
+) -> None:
+    """Two balls of one foot stand still, which is an error; of a single one it is a warning."""
+    xml, contact = foot
+    spec = RISE.format(contact=contact, ankle=ankle)
+    away = _moved(foot, ankle)
+    words = f"moved by ({away:.3g}, 0, 0) it does"
+    if foot is FLAT:
+        with pytest.raises(SpecError) as caught:
+            load(tmp_path, LEG.format(foot=xml), spec).problem()
+        assert "off its place in this pose" in str(caught.value)
+        assert words in str(caught.value)
+    else:
+        (told,) = load(tmp_path, LEG.format(foot=xml), spec).problem().warnings
+        assert "off where it can have rolled" in told.message
+        assert words in told.hint
+    assert (
+        not load(tmp_path, LEG.format(foot=xml), spec.replace("D = 0", f"D = {away:.9g}")).problem().warnings
+    )
+
+
 #: A ball without friction on a floor that has some.
 SLED = """<mujoco><option timestep=".0005"/><worldbody><geom name="floor" type="plane" size="5 5 1" friction=".8"/>
   <body name="sled" pos="0 0 .1"><freejoint name="root"/><geom name="runner" size=".1" mass="2" {runner}/></body>
