@@ -206,7 +206,7 @@ class Orientation(Tie):
         return angle_between(start, end)
 
     def shown(self, positions: FloatArray) -> FloatArray:
-        """(k,) the angle turned since the first of the orientations (k, 4), in rad: 0 to 2 pi where none changes suddenly."""
+        """(k,) the angle since the first of orientations (k, 4), in rad: 0 to 2 pi where none changes suddenly."""
         start, turned = normalised(positions[:1]), normalised(positions)
         sine = np.sin(0.5 * angle_between(np.broadcast_to(start, turned.shape), turned))
         return np.asarray(2.0 * np.arctan2(sine, np.sum(start * turned, axis=-1)))
