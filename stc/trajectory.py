@@ -30,12 +30,27 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from stc.errors import UsageError
 from stc.records import dataclass
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
 METHODS = ("central", "trapezoidal", "hermite-simpson", "stepping")
+
+
+def require_method(method: object) -> None:
+    """Refuse what is no transcription.
+
+    Raises:
+        UsageError: its hint is the closest name, or all names.
+    """
+    if method not in METHODS:
+        from difflib import get_close_matches
+
+        near = get_close_matches(str(method), METHODS, n=1)
+        hint = f"did you mean `{near[0]}`?" if near else f"the methods are {', '.join(METHODS)}"
+        raise UsageError(f"unknown method {method!r}", hint)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
