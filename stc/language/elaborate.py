@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from stc.errors import Span, SpecError, UsageError
+from stc.errors import Span, SpecError
 from stc.language import checks, syntax
 from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
@@ -36,7 +36,7 @@ from stc.problem import (
     VariableRef,
 )
 from stc.symbolic.expr import Expr, evaluate, looked_up, symbols
-from stc.trajectory import METHODS
+from stc.trajectory import METHODS, require_method
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
@@ -85,11 +85,8 @@ def elaborator(
 
     It knows the names of the spec and the values of its constants from the start, and makes the problem when asked to.
     """
-    if method is not None and method not in METHODS:
-        raise UsageError(
-            f"there is no method `{method}`",
-            did_you_mean(method, METHODS) or f"methods are {', '.join(METHODS)}",
-        )
+    if method is not None:
+        require_method(method)
     has_model = any(section.kind == "model" for section in tree.sections)
     if not has_model and any(section.kind == "contact" for section in tree.sections):
         from stc.language.contact import without_contacts
