@@ -111,7 +111,8 @@ def _left_out(problem: Problem) -> list[str]:
     """A note on parts of the model that the spec leaves out and MuJoCo simulates."""
     if not problem.left_out:
         return []
-    return [f"the spec leaves out parts of its model that MuJoCo simulates: {', '.join(problem.left_out)}"]
+    what = f"parts of its model that MuJoCo simulates: {', '.join(problem.left_out)}"
+    return [f"the spec leaves out {what}; what differs by these alone is no mistake"]
 
 
 def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:

@@ -194,8 +194,8 @@ def _candidates(model: mujoco.MjModel) -> Iterator[_Numbers]:
         first = int(model.jnt_dofadr[joint])
         dofs = np.flatnonzero(model.dof_jntid == joint)
         for field in ("damping", "armature", "frictionloss"):
-            moving = (slice(first, first + len(dofs)),)
-            yield _Numbers(f"joint.{name}.{field}", _array(f"dof_{field}"), moving, 1.0)
+            own = (slice(first, first + len(dofs)),)
+            yield _Numbers(f"joint.{name}.{field}", _array(f"dof_{field}"), own, 1.0)
         yield _Numbers(f"joint.{name}.stiffness", _array("jnt_stiffness"), (joint,), 1.0)
         if dofs.size == 1:
             three = tuple((joint, axis) for axis in range(3))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stc
+from stc.certification import certify
 from stc.validate import Report, validate
 from stc.validate.contact import contact_metrics
 from stc.validate.linearisation import growth, linearise
@@ -139,6 +140,17 @@ def test_a_grip_holds_until_it_is_let_go(tmp_path: Path) -> None:
     assert report.passed, [m for m in report.metrics if m.verdict == "fail"]
     assert largest(report, "open-loop drift, largest") < 1e-3  # of a fall of 0.2 m
     assert largest(report, "contact force, MuJoCo's against solved, median") < 1e-3
+
+
+def test_a_missing_grip_is_told_once_and_a_soft_one_is_seen(tmp_path: Path) -> None:
+    hanging(tmp_path, "")
+    told = certify(stc.load(tmp_path / "hanging.stc").solve()).next_steps
+    assert sum('<connect site1="..." site2="..." active="false"/>' in step for step in told) == 1
+    hanging(tmp_path, GRIP.replace('solref="0.001 1"', 'solref="0.1 1"'))
+    told = certify(stc.load(tmp_path / "hanging.stc").solve()).next_steps
+    assert told
+    assert not any("nothing touches" in step for step in told)
+    assert any("equality constraints stiffer" in step for step in told)
 
 
 def test_what_nothing_grips_falls(tmp_path: Path) -> None:
