@@ -467,6 +467,9 @@ def test_a_mocap_body_begins_where_what_is_welded_to_it_does(
         assert certify(stc.load(f"{model}.stc").solve(), equations=False).passed
     loose = text.replace("with mocap", "with release, motors")
     assert not any(name.startswith("equality") for name in stc.load(loose).problem().variables)
+    Path("loose.stc").write_text(loose, encoding="utf-8")
+    run(["run", "loose.stc"])
+    assert "leaves out what the model welds or connects to mocap bodies" in capsys.readouterr().out
 
 
 def test_a_page_that_exists_is_not_written_over_nor_tried(
