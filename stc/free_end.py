@@ -34,7 +34,7 @@ __all__ = ["by_free_end"]
 FloatArray = NDArray[np.float64]
 
 #: Weights of values and of their rates (1 rad/s counts as 0.3 rad); what the objective counted where no motion was
-#: found is worth this much of their squares.
+#: found, or counts at the start if that is more, is worth this much of their squares.
 _WEIGHTS, _SHARE = (1.0, 0.1), 1e-3
 #: Of each of the two solves.
 _ITERATIONS = 300
@@ -144,8 +144,8 @@ def _solved(
             some = replace(options, **{"max_iterations": min(left(), _ITERATIONS), "retries": 0, **settings})
             spent.append(minimizer(program, some, start=start, callback=callback))
 
-    known = np.isfinite(first.objective)
-    free = _FreeEnd(bound, end, _SHARE / max(abs(first.objective), _TINY) if known else 0.0)
+    sizes = [abs(first.objective), abs(bound.values(end.start)[0]), _TINY]
+    free = _FreeEnd(bound, end, _SHARE / max(size for size in sizes if np.isfinite(size)))
     solved(free, None, tolerance=_TOLERANCE, unscaled_tolerance=_TOLERANCE)
     reached = len(spent)
     solved(bound, Start(spent[-1].x))

@@ -46,6 +46,21 @@ def test_a_weak_motor_swings_the_pendulum_several_times() -> None:
     assert turns >= 3
 
 
+def test_a_free_duration_is_found_as_well() -> None:
+    """Greedy pushing takes 7.0 s to come up; the least time is shorter, but not that of one swing."""
+    page = (
+        PENDULUM.format(T=8)
+        .replace("T = 8, h", "h")
+        .replace("h = T/n;", "", 1)
+        .replace("n = 100, ", "n = 80;")
+    )
+    page = page.replace("variables:", "parameters: T;\ndefinitions: h = T/n;\nvariables:")
+    page = page.replace("integral(u^2)", "integral(0.001*u^2); [0]: T") + "guess: T = 4;\n"
+    solution = stc.load(page).solve()
+    assert solution.status == "optimal"
+    assert 3.0 < solution.parameters["T"] < 7.0
+
+
 def test_what_is_too_fast_stays_infeasible() -> None:
     assert stc.load(PENDULUM.format(T=3)).solve().status == "infeasible"
 

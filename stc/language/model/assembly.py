@@ -76,6 +76,7 @@ class ModelStatements:
         if statement.base.name == "periodic":
             rows = self.poses.rows(statement) or []
             self.periodic += [(row, statement) for row in rows]
+            self.contacts.periodic = statement
             return []
         if where.first != where.last:
             return self.poses.relations(statement, where)

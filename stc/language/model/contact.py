@@ -13,8 +13,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
+from stc.language import syntax
 from stc.language.model.cones import sole_cone
 from stc.language.model.holdings import Equalities, Holding, Place, one_frame_on, unchanged
+from stc.language.model.mirror import other_side
 from stc.language.model.schedule import Contact, Phase, Schedule
 from stc.language.model.scope import FORCES
 from stc.language.model.surfaces import Surface, floor
@@ -39,7 +41,13 @@ NEGLIGIBLE = 1e-4
 
 
 class Contacts(Schedule):
-    """The statements of all contacts of a spec with a model: forces, constraints, guesses and replay lines."""
+    """The statements of all contacts of a spec with a model: forces, constraints, guesses and replay lines.
+
+    Attributes:
+        periodic: the statement that relates the last frame to the first, if there is one.
+    """
+
+    periodic: syntax.Pose | None = None
 
     # ------------------------------------------------------------------- forces
 
@@ -160,29 +168,41 @@ class Contacts(Schedule):
         for name in contact.forces:
             body = sym(VariableRef(name))
             yield Relation(body, ZERO, ZERO, FrameRange(first, last), span, f"{name} = 0 in flight")
-        if phase is None or contact.kind == "pin":
+        # In a periodic motion, what stands at the other end comes from the floor here, or comes down to it.
+        leaves = before is not None or self._stands_beyond(contact, 0)
+        lands = after is not None or self._stands_beyond(contact, self.context.n)
+        low, high = first + leaves, last - lands
+        if contact.kind == "pin" or low > high or not (phase or leaves or lands):
             return
-        low, high = first + (before is not None), last - (after is not None)
-        if low > high:
-            return
+        surface = self.surface(contact) if phase is None else phase.surface
         written = any(option.name == "clearance" for option, _ in contact.statement.options)
-        for index, height in enumerate(self.heights_above(contact, phase.surface)):
+        for index, height in enumerate(self.heights_above(contact, surface)):
             room = height
             # From one surface to the other in an arch; where one of them is beyond the motion, half of it is within, if
             # a clearance is asked for.
-            begin = first if before is not None else 2 * first - last
-            end = last if after is not None else 2 * last - first
+            begin = first if leaves else 2 * first - last
+            end = last if lands else 2 * last - first
             share = div(sub(sym(IndexRef()), num(float(begin))), num(float(end - begin)))
             left = sub(ONE, share)
             if before is not None and after is not None and before.surface != after.surface:
                 start = list(self.heights_above(contact, before.surface))[index]
                 room = mul(left, start) + mul(share, height)
             arch = mul(mul(share, share), mul(left, left))
-            if (before is None or after is None) and not written:
+            if not ((leaves and lands) or written):
                 arch = ZERO
             room = sub(room, mul(mul(num(16.0), contact.options["clearance"]), arch))
-            text = f"{contact.name} is clear of the {phase.surface.name} in flight"
+            text = f"{contact.name} is clear of the {surface.name} in flight"
             yield Relation(room, ZERO, None, FrameRange(low, high), span, text)
+
+    def _stands_beyond(self, contact: Contact, frame: int) -> bool:
+        """Whether a periodic motion has a contact on its surface at its first or last frame, since it, or its mirror
+        image, stands at the other one.
+        """
+        if self.periodic is None:
+            return False
+        name = other_side(contact.name, set(self.contacts)) if self.periodic.mirrored else contact.name
+        ends = [(phase.frames.last, phase.frames.first) for phase in self.contacts[name].phases]
+        return any(end[frame > 0] == self.context.n - frame for end in ends)
 
     def heights_above(self, contact: Contact, surface: Surface) -> Iterator[Expr]:
         """Distances from a surface: of a point or sphere, or of the corners of a sole."""

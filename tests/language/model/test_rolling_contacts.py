@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stc.errors import SpecError
@@ -156,6 +157,28 @@ def test_poses_between_which_a_ball_would_slide_are_told(
     assert (
         not load(tmp_path, LEG.format(foot=xml), spec.replace("D = 0", f"D = {away:.9g}")).problem().warnings
     )
+
+
+def test_a_stride_may_begin_on_the_foot_that_ends_it(tmp_path: Path) -> None:
+    """The flight of a periodic hop ends on the floor where the next one begins, and is as high as is asked between."""
+    xml, _ = BALL
+    spec = """constants: n = 20, T = 0.6, h = T/n, c = 0.06;
+contact: ball = point(geom.ball), clearance = c, sudden; [0, 10]: ball;
+constraints: [0]: joint.x; [0, n]: periodic + (0.2, 0, 0);
+guess: [0]: keyframe.reference grounded, joint.hip = -0.5, joint.knee = 1, joint.ankle = -0.5;
+objective: [0, n]: integral(effort + 1e-2*joint.*''^2);
+"""
+    spec = spec.replace(
+        "guess: [0]: keyframe.reference grounded,", "poses: bent = keyframe.reference grounded,"
+    )
+    spec = spec.replace("objective:", "guess: [0]: bent;\nobjective:")
+    solution = load(tmp_path, LEG.format(foot=xml), spec).solve()
+    assert solution.status == "optimal"
+    hip, knee = solution["joint.hip"], solution["joint.knee"]
+    height = 0.65 + solution["joint.z"] - 0.3 * (np.cos(hip) + np.cos(hip + knee)) - 0.05
+    assert np.abs(height[:11]).max() < 1e-3
+    assert abs(height[-1]) < 1e-6
+    assert height[15] > 0.06 - 1e-6
 
 
 #: A ball without friction on a floor that has some.
