@@ -17,6 +17,7 @@ from stc.language.model.independence import (
     DEPENDENT,
     Matrix,
     Point,
+    are_integrable,
     independent,
     pins_to_keep,
     remain_dependent,
@@ -426,13 +427,31 @@ class Standing:
             point = self._at(frame)
             holding = [one for one in self.holdings if one.frames.first <= frame <= one.frames.last]
             self._check(holding, frame, pinned)
-            held = stacked([self._held(one, frame, point) for one in holding], self.width)
-            keep = pins_to_keep(held, pinned.dofs(False))
+            held = [self._held(one, frame, point) for one in holding]
+            held.append(point.jacobian(self._rolled_from_known(holding, frame)))
+            keep = pins_to_keep(stacked(held, self.width), pinned.dofs(False))
             for row, statement in pinned.rows:
                 if not row.velocity and row.dof in keep:
                     where, span = FrameRange(frame, frame), self.context.span(statement)
                     yield Relation(row.body, ZERO, ZERO, where, span, row.text)
             yield from self._velocity_pins(frame, pinned, holding, point)
+
+    def _rolled_from_known(self, holding: Sequence[Holding], frame: int) -> list[Expr]:
+        """The velocities of what is held since a frame with a fixed pose, if its place does not depend on the way.
+
+        Without slip a sole on two balls, or a wheel in a plane, is where it was or as far away as it has turned: the
+        later pose would say so once more.
+        """
+        known = [
+            one
+            for one in holding
+            if any(
+                one.frames.first <= earlier < frame and pinned.values is not None
+                for earlier, pinned in self.pinned.items()
+            )
+        ]
+        rates = [rate for one in known for rate in one.velocities]
+        return rates if rates and are_integrable(self.generic, rates) else []
 
     def _velocity_pins(
         self, frame: int, pinned: Pinned, holding: Sequence[Holding], point: Point

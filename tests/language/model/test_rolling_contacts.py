@@ -210,3 +210,41 @@ def test_a_point_without_friction_glides(tmp_path: Path) -> None:
         report = validate(solution)
         assert report.passed, [str(m) for m in report.metrics if m.verdict == "fail"]
         assert not any("moves by" in note for note in report.notes)
+
+
+#: A leg in a plane that stands on the balls of heel and toe.
+ON_TWO_BALLS = """<mujoco><option timestep=".0005" cone="elliptic" impratio="100"/>
+  <default><joint axis="0 1 0" damping="0.1"/><geom friction="0.9" solref=".001 1"/></default>
+  <worldbody><geom type="plane" size="2 2 .1"/>
+  <body name="hips" pos="0 0 .86"><joint name="x" type="slide" axis="1 0 0" damping="0"/>
+    <joint name="z" type="slide" axis="0 0 1" damping="0"/><joint name="pitch" damping="0"/>
+    <geom type="sphere" size=".1" mass="6"/>
+    <body name="thigh"><joint name="hip"/><geom type="capsule" fromto="0 0 0 0 0 -.4" size=".04" mass="2"/>
+      <body name="shin" pos="0 0 -.4"><joint name="knee"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="1.5"/>
+        <body name="foot" pos="0 0 -.4"><joint name="ankle"/>
+          <geom type="capsule" fromto="-.1 0 -.03 .15 0 -.03" size=".03" mass=".6"/></body></body></body></body>
+  </worldbody><actuator><motor joint="hip"/><motor joint="knee"/><motor joint="ankle"/></actuator></mujoco>"""
+
+BENDING = """constants: n = 20, T = 0.6, h = T/n;
+contact:
+  heel = point(body.foot, -0.1, 0, -0.03), radius = 0.03;
+  toe = point(body.foot, 0.15, 0, -0.03), radius = 0.03;
+  [0, n]: heel; toe;
+poses: stand = keyframe.reference grounded, joint.hip = -0.4, joint.knee = 0.8, joint.ankle = -0.4;
+constraints:
+  [0]: stand; rest;
+  [n]: stand; rest;
+  [n/2]: com.z <= com.z[0] - 0.03;
+objective: [0, n]: integral(effort);
+"""
+
+
+@pytest.mark.parametrize("method", ["hermite-simpson", "trapezoidal"])
+def test_a_leg_on_heel_and_toe_bends_between_two_equal_poses(tmp_path: Path, method: str) -> None:
+    """The balls have not rolled, so the last pose says where the foot is a second time: the rows must not."""
+    solution = load(tmp_path, ON_TWO_BALLS, BENDING).solve(method=method, max_iterations=60)
+    assert solution.status == "optimal"
+    for name in ("x", "z", "pitch", "hip", "knee", "ankle"):
+        moved = solution[f"joint.{name}"][-1] - solution[f"joint.{name}"][0]
+        assert moved == pytest.approx(0.0, abs=1e-5)
