@@ -437,19 +437,16 @@ class Standing:
             yield from self._velocity_pins(frame, pinned, holding, point)
 
     def _rolled_from_known(self, holding: Sequence[Holding], frame: int) -> list[Expr]:
-        """The velocities of what is held since a frame with a fixed pose, if its place does not depend on the way.
+        """The velocities of what is held since a fixed pose that this one fits, if no place depends on the way.
 
-        Without slip a sole on two balls, or a wheel in a plane, is where it was or as far away as it has turned: the
-        later pose would say so once more.
+        Without slip a sole on two balls, or a ball in a plane, is as far away as it has turned: the later pose would
+        say so once more.
         """
-        known = [
-            one
-            for one in holding
-            if any(
-                one.frames.first <= earlier < frame and pinned.values is not None
-                for earlier, pinned in self.pinned.items()
-            )
-        ]
+        known = []
+        for one in holding:
+            moved, _ = self._moved(one, frame) if one.frames.first < frame else (None, 0.0)
+            if moved is not None and np.linalg.norm(moved) <= OFF_SURFACE:
+                known.append(one)
         rates = [rate for one in known for rate in one.velocities]
         return rates if rates and are_integrable(self.generic, rates) else []
 
@@ -504,20 +501,18 @@ class Standing:
 
     def _check_held(self, one: Holding, frame: int, statement: syntax.Pose) -> None:
         """Check that a fixed pose agrees with the places of held constraints."""
-        begin, point = self.pinned.get(one.frames.first), self._at(frame)
+        point = self._at(frame)
         zeros = [place.zero for place in one.places if place.zero is not None]
         off, move, what = float(np.abs(point.numbers(zeros)).max(initial=0.0)), "", "off its place"
         certain = off > OFF_SURFACE
-        if begin is not None and begin.values is not None:
-            at, rolled, about = (one.at, np.zeros(3), 0.0) if one.at else self._rolled(one, frame)
-            if at:
-                moved = point.numbers(at) - self._at(one.frames.first).numbers(at) - rolled
-                away = float(np.linalg.norm(moved))
-                certain |= away > OFF_SURFACE and not about
-                off = max(off, away) if away > OFF_SURFACE + about else off
-                what = "off where it can have rolled" if about else what
-                x, y = (0.0 if abs(part) < 1e-4 else float(f"{-part:.3g}") for part in moved[:2])
-                move = f": moved by ({x:g}, {y:g}, 0) it does" if abs(moved[2]) <= OFF_SURFACE else ""
+        moved, about = self._moved(one, frame)
+        if moved is not None:
+            away = float(np.linalg.norm(moved))
+            certain |= away > OFF_SURFACE and not about
+            off = max(off, away) if away > OFF_SURFACE + about else off
+            what = "off where it can have rolled" if about else what
+            x, y = (0.0 if abs(part) < 1e-4 else float(f"{-part:.3g}") for part in moved[:2])
+            move = f": moved by ({x:g}, {y:g}, 0) it does" if abs(moved[2]) <= OFF_SURFACE else ""
         if off > OFF_SURFACE:
             since = f"where it holds since frame {one.frames.first}"
             message = f"`{one.name}` is {off:.4g} {what} in this pose, {since}"
@@ -526,6 +521,18 @@ class Standing:
                 self.context.error(statement, message, hint)
             else:
                 self.context.diagnostics.warning(message, statement.start, statement.end, hint)
+
+    def _moved(self, one: Holding, frame: int) -> tuple[Matrix | None, float]:
+        """How far a held constraint is from where it should be at a frame with a fixed pose, (3,), and how uncertain
+        that is, in m; None if that is not known.
+        """
+        begin = self.pinned.get(one.frames.first)
+        if begin is None or begin.values is None:
+            return None, 0.0
+        at, rolled, about = (one.at, np.zeros(3), 0.0) if one.at else self._rolled(one, frame)
+        if not at:
+            return None, 0.0
+        return self._at(frame).numbers(at) - self._at(one.frames.first).numbers(at) - rolled, about
 
     def _rolled(self, one: Holding, frame: int) -> tuple[Sequence[Expr], Matrix, float]:
         """The middle of a ball, how far it has rolled since it stands, (3,), and how uncertain that is, in m.

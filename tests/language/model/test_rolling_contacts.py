@@ -222,7 +222,7 @@ ON_TWO_BALLS = """<mujoco><option timestep=".0005" cone="elliptic" impratio="100
     <body name="thigh"><joint name="hip"/><geom type="capsule" fromto="0 0 0 0 0 -.4" size=".04" mass="2"/>
       <body name="shin" pos="0 0 -.4"><joint name="knee"/>
         <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="1.5"/>
-        <body name="foot" pos="0 0 -.4"><joint name="ankle"/>
+        <body name="foot" pos="0 0 -.4"><joint name="ankle" range="-60 60"/>
           <geom type="capsule" fromto="-.1 0 -.03 .15 0 -.03" size=".03" mass=".6"/></body></body></body></body>
   </worldbody><actuator><motor joint="hip"/><motor joint="knee"/><motor joint="ankle"/></actuator></mujoco>"""
 
