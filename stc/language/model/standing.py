@@ -39,6 +39,10 @@ OFF_SURFACE = 1e-3
 #: fine enough to mean anything, and keeps an optimiser from leaping from one branch of a closed loop to another.
 LARGEST_CORRECTION = 0.05
 
+#: A ball that rolls in space between two fixed poses may slip by so much in all, in m: on short ways it would come to
+#: nearly the same place without, so that the later pose would say nothing new to first order.
+SLIP = 1e-4
+
 UNUSED = "no step is corrected here"
 
 
@@ -92,6 +96,7 @@ class Standing:
         self.width = scope.mechanism.n_freedoms
         self.numbers = {k: v for k, v in self.context.constants.values.items() if v is not None}
         self._points: dict[int, Point] = {}
+        self._known_at: dict[int, tuple[list[Holding], bool]] = {}
         self.generic = self._generic(links)
         self.drawn = self._drawn()
         self._check_links(links)
@@ -356,7 +361,18 @@ class Standing:
                 found.append(self._correction(rates, 0, stretch.frames))
                 rates = {f"correction.{one.path}.v{k}": one.velocities[k] for k in velocities}
                 found.append(self._correction(rates, 1, stretch.frames))
+                if self._may_slip(one, stretch.frames):
+                    rates = {f"correction.{one.path}.r{k}": one.velocities[k] for k in velocities if k < 2}
+                    found.append(self._correction(rates, 0, stretch.frames))
         return [one for one in found if one.unknowns]
+
+    def _may_slip(self, one: Holding, frames: FrameRange) -> bool:
+        """Whether a ball stands between two fixed poses, of which the later one does not follow from its rolling."""
+        contact = self.contacts.contacts.get(one.name)
+        if contact is None or not contact.radius:
+            return False
+        known = [self._known(frame) for frame in self.pinned if frame > frames.first]
+        return any(one in held and not certain for held, certain in known)
 
     def _correction(self, rates: Mapping[str, Expr], order: int, frames: FrameRange) -> Correction:
         seeds = [(rate, sym(VariableRef(name))) for name, rate in rates.items()]
@@ -387,9 +403,15 @@ class Standing:
             yield Relation(body, ZERO, ZERO, FrameRange(at, n), span, UNUSED)
             if not beside:
                 yield Relation(body, ZERO, ZERO, self.context.everywhere, span, UNUSED, on_frames=True)
-            if not name.rpartition(".")[2].startswith("v"):
-                limit = num(LARGEST_CORRECTION)
-                text = f"no step is corrected by more than {LARGEST_CORRECTION} m or rad"
+            kind = name.rpartition(".")[2][0]
+            if kind != "v":
+                most = (
+                    LARGEST_CORRECTION
+                    if kind != "r"
+                    else SLIP / sum(where.last - where.first for where in ranges)
+                )
+                limit = num(most)
+                text = f"no step is corrected by more than {most:g} m or rad"
                 for where in ranges:
                     within = FrameRange(where.first, where.last - beside)
                     yield Relation(body, neg(limit), limit, within, span, text)
@@ -428,7 +450,8 @@ class Standing:
             holding = [one for one in self.holdings if one.frames.first <= frame <= one.frames.last]
             self._check(holding, frame, pinned)
             held = [self._held(one, frame, point) for one in holding]
-            held.append(point.jacobian(self._rolled_from_known(holding, frame)))
+            known, certain = self._known(frame)
+            held += [point.jacobian(one.velocities) for one in known if certain]
             keep = pins_to_keep(stacked(held, self.width), pinned.dofs(False))
             for row, statement in pinned.rows:
                 if not row.velocity and row.dof in keep:
@@ -436,19 +459,21 @@ class Standing:
                     yield Relation(row.body, ZERO, ZERO, where, span, row.text)
             yield from self._velocity_pins(frame, pinned, holding, point)
 
-    def _rolled_from_known(self, holding: Sequence[Holding], frame: int) -> list[Expr]:
-        """The velocities of what is held since a fixed pose that this one fits, if no place depends on the way.
+    def _known(self, frame: int) -> tuple[list[Holding], bool]:
+        """What is held since a fixed pose that the fixed pose of a frame fits, and whether that says where it is.
 
-        Without slip a sole on two balls, or a ball in a plane, is as far away as it has turned: the later pose would
-        say so once more.
+        Without slip a sole on two balls, or a ball in a plane, is as far away as it has turned. In space the place of a
+        single ball depends on the way.
         """
-        known = []
-        for one in holding:
-            moved, _ = self._moved(one, frame) if one.frames.first < frame else (None, 0.0)
-            if moved is not None and np.linalg.norm(moved) <= OFF_SURFACE:
-                known.append(one)
-        rates = [rate for one in known for rate in one.velocities]
-        return rates if rates and are_integrable(self.generic, rates) else []
+        if frame not in self._known_at:
+            known = []
+            for one in self.holdings:
+                if one.frames.first < frame <= one.frames.last:
+                    moved, _ = self._moved(one, frame)
+                    known += [one] if moved is not None and np.linalg.norm(moved) <= OFF_SURFACE else []
+            rates = [rate for one in known for rate in one.velocities]
+            self._known_at[frame] = known, bool(known) and are_integrable(self.generic, rates)
+        return self._known_at[frame]
 
     def _velocity_pins(
         self, frame: int, pinned: Pinned, holding: Sequence[Holding], point: Point
