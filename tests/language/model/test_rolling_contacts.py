@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import stc
 from stc.errors import SpecError
 from stc.validate import ModelError, validate
 
@@ -248,3 +249,24 @@ def test_a_leg_on_heel_and_toe_bends_between_two_equal_poses(tmp_path: Path, met
     for name in ("x", "z", "pitch", "hip", "knee", "ankle"):
         moved = solution[f"joint.{name}"][-1] - solution[f"joint.{name}"][0]
         assert moved == pytest.approx(0.0, abs=1e-5)
+
+
+@pytest.mark.nightly
+def test_a_robot_on_four_balls_bows_between_two_equal_poses() -> None:
+    """In space a ball comes to nearly the same place on every short way: the last pose is dependent to first order."""
+    page = """constants: n = 40, T = 1, h = T/n;
+model: "quadruped.xml";
+contact:
+  FL = point(geom.FL_foot); FR = point(geom.FR_foot); RL = point(geom.RL_foot); RR = point(geom.RR_foot);
+  [0, n]: FL; FR; RL; RR;
+constraints:
+  [0]: keyframe.stand; rest;
+  [n]: keyframe.stand; rest;
+  [n/2]: body.trunk.z = 0.22; body.trunk.xaxis.z = -0.2;
+objective: [0, n]: integral(effort);
+"""
+    solution = stc.load(page).solve(max_iterations=150)
+    assert solution.status == "optimal"
+    for name in ("x", "y", "z"):
+        moved = solution[f"joint.root.{name}"][-1] - solution[f"joint.root.{name}"][0]
+        assert moved == pytest.approx(0.0, abs=1e-6)
