@@ -10,7 +10,7 @@ from stc.validate import limits
 from stc.validate.certificate.advice import FRICTION_STEP
 from stc.validate.contact import missing_contacts
 from stc.validate.contact_drift import slips
-from stc.validate.contact_meter import TOUCHES, touchable, touching, welded
+from stc.validate.contact_meter import touchable, touching, welded
 from stc.validate.contact_nodes import nodes_of, pose, press_and_friction
 from stc.validate.grips import grips
 
@@ -78,7 +78,7 @@ def given_by_nothing(replays: Replays) -> list[str]:
             pose(setup, model, data, nodes[row], bodies)
             if bodies:
                 return any(touching(model, data, welded(model, bodies[0])))
-            return any(contact.dist <= TOUCHES for contact in data.contact)
+            return any(contact.dist <= contact.includemargin for contact in data.contact)
 
         if not any(touches(int(row)) for row in np.flatnonzero(force > _ACTS * force.max())):
             found.append(line.name)

@@ -101,6 +101,7 @@ class Standing:
         self.drawn = self._drawn()
         self._check_links(links)
         self.stretches = list(self._stretches())
+        self._check_freedom()
 
     def _placed(self, one: Holding) -> Holding:
         """The same constraint with its place, if a fixed pose determines it."""
@@ -160,6 +161,37 @@ class Standing:
                 else:
                     message = f"`{name}` is {off:.3g} m or rad off in a direction in which no joint moves what it ties"
                     self.context.diagnostics.warning(message, statement.start, statement.end)
+
+    def _check_freedom(self) -> None:
+        """Tell where a flight begins from contacts that leave the centre of mass too little freedom to be pushed up.
+
+        That is so if the motions they allow are fewer than its directions, and none of them raises it in a fixed pose.
+        """
+        momentum = list(self.scope.dynamics.momentum())
+        taken = {stretch.frames.first for stretch in self.stretches}
+        for stretch in self.stretches:
+            rows = [one.velocities[k] for one, _, kept in stretch.held for k in kept]
+            first, last = stretch.frames.first, stretch.frames.last
+            pinned = [k for k, one in self.pinned.items() if first <= k <= last and one.values is not None]
+            free = self.width - len(rows)
+            directions = np.linalg.matrix_rank(self.generic.jacobian(momentum), DEPENDENT)
+            if last == self.context.n or last in taken or not pinned or free >= directions:
+                continue
+            at = self._at(pinned[0])
+            _, sizes, ways = np.linalg.svd(at.jacobian(rows))
+            allowed = ways[int((sizes > DEPENDENT * sizes.max()).sum()) :]
+            up = at.jacobian(momentum)[2]
+            if np.linalg.norm(allowed @ up) > DEPENDENT * np.linalg.norm(up):
+                continue
+            names = ", ".join(f"`{one.name}`" for one, _, _ in stretch.held)
+            span = stretch.held[-1][0].span
+            self.context.diagnostics.warning(
+                f"a flight begins at frame {last}, where {names} still hold {len(rows)} of {self.width} degrees of "
+                "freedom: what remains does not lift the centre of mass from this pose",
+                span.start,
+                span.end,
+                "let some of them leave earlier",
+            )
 
     def _drawn(self) -> Point:
         """The model's first keyframe, or the pose of its file."""
