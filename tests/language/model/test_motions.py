@@ -54,6 +54,21 @@ def test_feet_have_no_force_in_flight_and_stay_in_the_cone(hop: Solution) -> Non
         assert z.min() > -1e-6
 
 
+@pytest.mark.slow
+def test_what_stands_takes_no_impulse_beyond_its_friction_while_a_foot_lands(tmp_path: Path) -> None:
+    """A foot is lifted and put down on three others: by Coulomb's law a foot that does not press does not rub."""
+    spec = f"""constants: n = 12, T = 1, h = T/n;
+    {FEET}
+      [0, n]: FR; RL; RR;  [0, 4]: FL;  [8, n]: FL;
+    constraints: [0]: keyframe.stand; rest;  [6]: site.FL.z = 0.15;  [n]: keyframe.stand; rest;
+    objective: [0, n]: integral(effort);"""
+    solution = load(tmp_path, quadruped(), spec).solve()
+    assert solution.status == "optimal"
+    for foot, end in (("FL", "1"), ("FR", "_impact1"), ("RL", "_impact1"), ("RR", "_impact1")):
+        x, y, z = (float(solution[f"{foot}_j{axis}{end}"]) for axis in "xyz")
+        assert np.hypot(x, y) <= 0.7 * z + 1e-6
+
+
 def test_quaternions_stay_unit(hop: Solution) -> None:
     norm = sum(hop[f"joint.root.q{part}"] ** 2 for part in "wxyz")
     assert np.abs(norm - 1.0).max() < 1e-9
