@@ -324,7 +324,7 @@ class Contacts(Schedule):
         if contact.kind == "point" and what == "impulse" and moving:
             # What stands already may take no part of an impact, and a round cone has no inside at its apex: a pyramid
             # whose edges are on the cone has one.  In a plane it is the cone.
-            ways = PYRAMID if len(moving) == 2 else ((1.0,), (-1.0,))
+            ways: Sequence[tuple[float, ...]] = PYRAMID if len(moving) == 2 else ((1.0,), (-1.0,))
             share = friction if len(moving) == 1 else mul(num(math.cos(math.pi / len(ways))), friction)
             for way in ways:
                 sideways = sum_of(mul(num(part), along[k]) for part, k in zip(way, moving, strict=True))
