@@ -326,8 +326,8 @@ class Contacts(Schedule):
             # whose edges are on the cone has one.  In a plane it is the cone.
             ways: Sequence[tuple[float, ...]] = PYRAMID if len(moving) == 2 else ((1.0,), (-1.0,))
             share = friction if len(moving) == 1 else mul(num(math.cos(math.pi / len(ways))), friction)
-            for way in ways:
-                sideways = sum_of(mul(num(part), along[k]) for part, k in zip(way, moving, strict=True))
+            for one in ways:
+                sideways = sum_of(mul(num(part), along[k]) for part, k in zip(one, moving, strict=True))
                 within = sub(mul(share, up), sideways)
                 yield Relation(within, ZERO, None, where, span, f"{contact.name} does not slip ({what})")
             return
