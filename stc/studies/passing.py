@@ -20,6 +20,8 @@ from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
 from stc.studies.frames import MOST_AT_ONCE, ORDER, Spread, in_shares
+from stc.studies.grid_error import GROSS, local_grid_error
+from stc.studies.refinement import MOST_FROM_GROSS
 from stc.validate.certificate import certify
 from stc.validate.certificate.advice import cured_by_frames, fine_enough
 from stc.validate.metrics import Metric
@@ -165,7 +167,10 @@ def solve_until_passed(
         found.message = _in_the_way(found, good, metrics, clock)
         if found.message or all(metric.verdict != "fail" for metric in metrics):
             return found
-        times *= frames_needed(solution.method, metrics)
+        needed = frames_needed(solution.method, metrics)
+        told = local_grid_error(solution)
+        # An error so large says little of how it falls, and the motion may be an artefact of its grid.
+        times *= needed if told is None or told.largest <= GROSS else min(needed, MOST_FROM_GROSS)
         try:
             overrides = spread.multiplied(times)
         except UsageError as reason:
