@@ -77,7 +77,7 @@ def solve(spec: Spec, options: SolveOptions, json: Json = False) -> int:
 
 
 @app.command()
-@with_options(*_SEARCHING, "until", "direct", "threads", "output")
+@with_options(*_SEARCHING, "until", "until_passed", "direct", "threads", "output")
 def run(
     spec: Spec,
     options: SolveOptions,

@@ -158,6 +158,13 @@ class OfSolve:
             help="Add frames until MuJoCo's replay drifts less than this, in m and rad, or say why it does not.",
         ),
     ] = None
+    until_passed: Annotated[
+        bool,
+        typer.Option(
+            "--until-passed",
+            help="Add frames until the motion passes its validation, or say why more frames do not help.",
+        ),
+    ] = False
     output: Annotated[
         str | None,
         typer.Option(

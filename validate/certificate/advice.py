@@ -98,7 +98,7 @@ def next_steps(
         soft: the advice on contacts or equality constraints of the model that give way visibly; "" if none do.
     """
     found: dict[str, None] = {}
-    fine = _fine_enough(metrics)
+    fine = fine_enough(metrics)
     failed = sorted((metric for metric in metrics if metric.verdict == "fail"), key=rank)
     wrong = False
     explained = _explained(failed, clamped)
@@ -121,7 +121,8 @@ def next_steps(
         metric.name.startswith("energy at velocity jumps") and metric.value < 0.0 for metric in metrics
     )
     if lands and not wrong and any("on the ground" in metric.name for metric in failed):
-        found[_GENTLY] = None
+        # First, since it is what cures most such motions: the others say why, or refine what stays as hard.
+        found = {_GENTLY: None, **found}
     # Off the ground and on it the step is the same one, with more to say of it there.
     last = swings if not wrong or any(metric.name.startswith("contact force") for metric in failed) else ()
     found = dict.fromkeys([*causes, *found, *last]) if failed else {}
@@ -143,7 +144,7 @@ def _explained(failed: Sequence[Metric], clamped: bool) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _fine_enough(metrics: Sequence[Metric]) -> bool:
+def fine_enough(metrics: Sequence[Metric]) -> bool:
     """Whether a motion on the ground is right with the solved contact forces in place of MuJoCo's."""
     judged = [metric for metric in metrics if metric.name.startswith(_TRUNCATION)]
     return any(m.name.startswith("external") for m in judged) and all(m.verdict != "fail" for m in judged)

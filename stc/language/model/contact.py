@@ -10,6 +10,7 @@ the same cone stops it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
@@ -38,6 +39,9 @@ from stc.symbolic.expr import ONE, ZERO, Expr, call, div, mul, neg, num, sub, su
 
 #: Share of the weight by which friction may exceed its cone where a contact bears nothing.
 NEGLIGIBLE = 1e-4
+
+#: The normals of the sides of the pyramid in which the impulses of points are.
+PYRAMID = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
 
 
 class Contacts(Schedule):
@@ -317,10 +321,14 @@ class Contacts(Schedule):
                 mul(way, rates[moving[0]]), ZERO, None, where, span, f"{contact.name} slides that way"
             )
             return
-        if contact.kind == "point" and what == "impulse" and len(moving) == 1:
-            # In a plane the cone has an inside at its apex, and what stands already may take no part of an impact.
-            for sign in (1.0, -1.0):
-                within = sub(mul(friction, up), mul(num(sign), along[moving[0]]))
+        if contact.kind == "point" and what == "impulse" and moving:
+            # What stands already may take no part of an impact, and a round cone has no inside at its apex: a pyramid
+            # whose edges are on the cone has one.  In a plane it is the cone.
+            ways: Sequence[tuple[float, ...]] = PYRAMID if len(moving) == 2 else ((1.0,), (-1.0,))
+            share = friction if len(moving) == 1 else mul(num(math.cos(math.pi / len(ways))), friction)
+            for one in ways:
+                sideways = sum_of(mul(num(part), along[k]) for part, k in zip(one, moving, strict=True))
+                within = sub(mul(share, up), sideways)
                 yield Relation(within, ZERO, None, where, span, f"{contact.name} does not slip ({what})")
             return
         if contact.kind == "point":

@@ -14,7 +14,7 @@ from stc.solution import ReplayChannel
 from stc.trajectory import Channel
 from stc.validate import Metric
 from stc.validate.certificate.advice import next_steps
-from stc.validate.certificate.causes import swinging_forces
+from stc.validate.certificate.causes import swing_steps, swinging_forces
 from stc.validate.verdict import open_setup
 
 ROD = """
@@ -130,3 +130,7 @@ def test_forces_that_swing_from_node_to_node_are_named(tmp_path: Path, size: flo
         line.startswith("the force of contact body.rod.fz alternates from node to node in frames 0 to 6")
         for line in lines
     )
+    # One line is enough, however many forces swing.
+    solution.replay.append(ReplayChannel("contact", ("body", "rod", "fx"), force))
+    steps = swing_steps(open_setup(solution))
+    assert [" (and 1 more), which no contact" in step for step in steps] == [True] * told
