@@ -131,9 +131,10 @@ def _solved(
     if not len(end.at) or not options.retries:
         return minimizer(bound, options, start=None, callback=callback)
     spent = [first := minimizer(bound, replace(options, retries=0), start=None, callback=callback)]
-    if first.status not in (Status.INFEASIBLE, Status.FAILED) or not first.iterations:
+    unsolved = first.status in (Status.INFEASIBLE, Status.FAILED) and first.iterations > 0
+    if not unsolved and not _is_rough(first, options):
         return first
-    if is_convex(bound):  # nothing else is to be found elsewhere
+    if not unsolved or is_convex(bound):  # which has nothing else to be found elsewhere
         return minimizer(bound, options, start=None, callback=callback)
 
     def left() -> int:
@@ -153,7 +154,7 @@ def _solved(
     if len(spent) == reached:  # a limit has left nothing for the problem as stated
         status = found.status if found.status in _ENDED else Status.ITERATION_LIMIT
         found = replace(first, status=status, message=f"{sentence(status)} {advice(status)}")
-    elif found.status is Status.OPTIMAL:
+    elif found.status is Status.OPTIMAL and not _is_rough(found, options):
         found = replace(found, strategy="free end")
     else:
         solved(bound, None, max_iterations=left(), retries=options.retries)
@@ -163,6 +164,12 @@ def _solved(
         iterations=sum(one.iterations for one in spent),
         factorizations=sum(one.factorizations for one in spent),
     )
+
+
+def _is_rough(found: Result, options: Options) -> bool:
+    """Whether a solution would be looked for by other means, if any were allowed, since its errors are too large."""
+    rough = found.violation > options.feasibility_tolerance or found.optimality > options.tolerance
+    return found.status is Status.OPTIMAL and rough
 
 
 def _end(transcription: Transcription, bound: BoundProgram) -> _End:
