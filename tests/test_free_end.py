@@ -67,9 +67,9 @@ def test_what_is_too_fast_stays_infeasible() -> None:
 
 def test_iterations_of_all_parts_are_within_the_limit() -> None:
     whole = stc.load(PENDULUM.format(T=10)).solve()
-    cut = stc.load(PENDULUM.format(T=10)).solve(max_iterations=whole.iterations - 10)
+    cut = stc.load(PENDULUM.format(T=10)).solve(max_iterations=whole.iterations // 2)
     assert cut.status != "optimal"
-    assert cut.iterations <= whole.iterations - 10
+    assert cut.iterations <= whole.iterations // 2
 
 
 @pytest.mark.daily_every(3)
