@@ -15,10 +15,9 @@ from pathlib import Path
 
 import stc
 from stc.certification import certify
-from stc.validate import limits
 from stc.validate.contact import contact_metrics
 from stc.validate.metrics import Metric
-from stc.validate.replay import replay, time_step_for
+from stc.validate.replay import replay, stepping_for
 from stc.validate.tracking import proportional
 from stc.validate.verdict import open_setup
 
@@ -117,7 +116,7 @@ def measure() -> Figures:
     law = proportional(setup)
     setup.compiled.body_mass *= HEAVIER
     setup.compiled.body_inertia *= HEAVIER
-    other = replay(setup, time_step_for(setup, limits.TIME_STEP), feedback=law)
+    other = replay(setup, stepping_for(setup).time_step, feedback=law)
     name = "tracked error on the ground, RMS"
     shares = [
         (float(max(one.feedback / one.total)), float(one.feedback.sum() / one.total.sum()))

@@ -15,10 +15,9 @@ from pathlib import Path
 import stc
 from stc.solution import Solution
 from stc.transcription.operations import count_operations
-from stc.validate import limits
 from stc.validate.contact import contact_metrics
 from stc.validate.metrics import Metric
-from stc.validate.replay import Replay, replay, time_step_for
+from stc.validate.replay import Replay, replay, stepping_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup
 from stc.validate.tracking import proportional
@@ -81,7 +80,7 @@ def heavier(solution: Solution) -> tuple[Setup, Replay]:
     law = proportional(setup)
     setup.compiled.body_mass *= HEAVIER
     setup.compiled.body_inertia *= HEAVIER
-    return setup, replay(setup, time_step_for(setup, limits.TIME_STEP), feedback=law)
+    return setup, replay(setup, stepping_for(setup).time_step, feedback=law)
 
 
 def effort(solution: Solution) -> str:

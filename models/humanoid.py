@@ -57,7 +57,7 @@ def _leg(side: str, aside: float) -> Element:
         hinge(f"{side}_ankle_y", axis=(0.0, 1.0, 0.0), range=(-0.9, 0.9)),
         hinge(f"{side}_ankle_x", axis=(1.0, 0.0, 0.0), range=(-0.5, 0.5)),
         sole,
-        drawn("capsule", "panel", fromto=(0.0, 0.0, -0.02, 0.09, 0.0, -0.045), size=(0.030,)),
+        drawn("capsule", "panel", fromto=(0.0, 0.0, -0.02, 0.09, 0.0, -0.037), size=(0.030,)),
         name=f"{side}_foot",
         pos=(0.0, 0.0, -SHIN),
     )

@@ -6,7 +6,6 @@ name the term of the equations of motion that differs from the model's when a mo
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -23,9 +22,6 @@ if TYPE_CHECKING:
     from stc.validate.certificate import Certificate
     from stc.validate.certificate.listing import Statement
     from stc.validate.metrics import Metric
-
-SAFETY = 0.5
-"""The advised number of frames is chosen so that the error falls to this share of its limit."""
 
 
 def certify(
@@ -168,51 +164,37 @@ def _more_frames(solution: Solution, metrics: Sequence[Metric]) -> str:
     names these.  If the spec cannot be refined as it is written, the advice is the reason.
     """
     from stc.origin import model_of
-    from stc.studies.frames import Spread
+    from stc.studies.frames import Spread, in_shares
+    from stc.studies.passing import frames_needed
 
     try:
         model = model_of(solution)
-        spread = Spread.of(model, solution.method, solution.overrides)
-        finer = spread.multiplied(_times(solution.method, metrics))
+        scaled = in_shares(model, solution.method, **solution.overrides)
+        spread = Spread.of(scaled, solution.method, solution.overrides)
+        finer = spread.multiplied(frames_needed(solution.method, metrics))
         more = " ".join(f"--set {name}={value:.15g}" for name, value in finer.items())
     except UsageError as reason:
         hint = f" ({reason.hint})" if reason.hint else ""
         return f"the spec has to be changed for that, since {reason.message}{hint}"
     except StcError:
         return ""
-    return f"{more}, or {_until_verified(solution, model)}, which adds them until MuJoCo agrees"
+    search = f"{_until_passed(solution, model)}, which adds them until the motion passes"
+    if scaled is model:
+        return f"{more}, or {search}"
+    return f"{search} (as n alone would not, since frames of the spec are plain numbers)"
 
 
-def _times(method: str, metrics: Sequence[Metric]) -> int:
-    """The factor, at least 2, by which the frames must be multiplied to bring the measurements below their limits.
-
-    The residual of an equation of motion within a step decreases like the acceleration's error, with half the order.
-    """
-    from stc.studies.frames import MOST_AT_ONCE, ORDER
-    from stc.validate.certificate.advice import cured_by_frames
-
-    times = 2.0
-    for metric in metrics:
-        if metric.verdict == "fail" and metric.limit and cured_by_frames(metric):
-            order = ORDER[method] / (2 if metric.name.endswith("between frames") else 1)
-            times = max(times, (metric.value / (SAFETY * metric.limit)) ** (1.0 / order))
-    return math.ceil(min(times, MOST_AT_ONCE)) if math.isfinite(times) else MOST_AT_ONCE
-
-
-def _until_verified(solution: Solution, model: Model) -> str:
-    """The command that solves a spec until it is verified, or the function call if the spec is not a file."""
+def _until_passed(solution: Solution, model: Model) -> str:
+    """The command that solves a spec until it passes, or the function call if the spec is not a file."""
     from shlex import quote
 
-    from stc.validate.limits import OPEN_LOOP_DRIFT
-
-    limit = f"{OPEN_LOOP_DRIFT[solution.method]:g}"
     spec = _spec_name(solution)
     if not spec:
-        return f"`solve_until_verified(model, {limit})`"
+        return "`solve_until_passed(model)`"
     given = [f"--set {name}={value:.15g}" for name, value in solution.overrides.items()]
     if model.problem(None, **solution.overrides).method != solution.method:
         given.append(f"--method {solution.method}")
-    return f"`{' '.join(['stc run', quote(spec), *given])} --until-verified {limit}`"
+    return f"`{' '.join(['stc run', quote(spec), *given])} --until-passed`"
 
 
 def _spec_name(solution: Solution) -> str:

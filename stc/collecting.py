@@ -100,14 +100,17 @@ def _replay_channels(problem: Problem, recovery: Recovery) -> list[ReplayChannel
     channels = []
     for line in problem.replay:
         if line.kind == "set":
-            number = np.full(problem.n + 1, recovery.number(line.body))
+            value = recovery.number(line.body)
+            if value == line.usual:
+                continue
+            number = np.full(problem.n + 1, value)
             mid = number[:-1] if problem.method == "hermite-simpson" else None
             channels.append(ReplayChannel(line.kind, line.path, Channel(number, number, mid)))
             continue
-        value = recovery.channel(line.body)
+        course = recovery.channel(line.body)
         rate = recovery.rate(line.body, 1) if line.kind in ("joint", "compare") else None
         acceleration = recovery.rate(line.body, 2) if line.kind == "joint" else None
-        channels.append(ReplayChannel(line.kind, line.path, value, rate, acceleration))
+        channels.append(ReplayChannel(line.kind, line.path, course, rate, acceleration))
     return channels
 
 

@@ -108,10 +108,16 @@ def _declared(problem: Problem, name: str) -> str:
 
 
 def _left_out(problem: Problem) -> list[str]:
-    """A note on parts of the model that the spec leaves out and MuJoCo simulates."""
-    if not problem.left_out:
-        return []
-    return [f"the spec leaves out parts of its model that MuJoCo simulates: {', '.join(problem.left_out)}"]
+    """Notes on parts of the model that the spec leaves out."""
+    notes = []
+    if problem.left_out:
+        what = f"parts of its model that MuJoCo simulates: {', '.join(problem.left_out)}"
+        notes.append(f"the spec leaves out {what}; what differs by these alone is no mistake")
+    if "release" in problem.additions:
+        notes.append(
+            "the spec, and MuJoCo with it, leaves out what the model welds or connects to mocap bodies"
+        )
+    return notes
 
 
 def _faults(problem: Problem, solution: Solution, found: Found) -> list[str]:

@@ -93,9 +93,30 @@ def _described(source: str | os.PathLike[str], text: str | None) -> tuple[mujoco
         raise ValueError(
             "it has macros, which the program `xacro` writes out: `xacro robot.xacro > robot.urdf`"
         )
-    named, meshes = prepared(content, Path(source).parent)
+    try:
+        return _robot(content, Path(source).parent)
+    except ValueError:  # it may be due to the content of a mesh, and to look into all takes time
+        return _robot(content, Path(source).parent, decode=True)
+
+
+def _robot(content: str, folder: Path, decode: bool = False) -> tuple[mujoco.MjSpec, list[str]]:
+    """The description of a URDF, and what of it is left out or changed.
+
+    Parameters
+    ----------
+    decode
+        Whether to look into each mesh for whether MuJoCo reads it.
+    """
+    import mujoco
+
+    named, meshes = prepared(content, folder)
     spec = mujoco.MjSpec.from_string(named)
-    changes = [*_find_meshes(spec, meshes), *_possible_inertias(spec)]
+    changes = [
+        *_find_meshes(spec, meshes, decode),
+        *_without_size(spec),
+        *_possible_inertias(spec),
+        *_weighed(spec),
+    ]
     _join_joints(spec)
     _tie_followers(spec, content)
     _let_overlap(spec)
@@ -116,11 +137,14 @@ def _content(source: str | os.PathLike[str]) -> str | None:
 #: Endings of meshes that MuJoCo reads.
 _READ = (".stl", ".obj", ".msh")
 
+#: A link of less than this has no mass, in kg; and with less than this about an axis, in kg m^2, MuJoCo takes none.
+_NO_MASS, _NO_INERTIA = 1e-10, 1e-13
+
 #: The least principal moment of inertia that a link is given, as a share of its largest.
 _LEAST = 1e-6
 
 
-def _find_meshes(spec: mujoco.MjSpec, meshes: dict[str, Mesh]) -> list[str]:
+def _find_meshes(spec: mujoco.MjSpec, meshes: dict[str, Mesh], decode: bool) -> list[str]:
     """Tell a description where its meshes lie, and leave out what cannot be had.
 
     A shape that is only to be seen may be missing, and so may one that is to be touched where the URDF states the
@@ -139,7 +163,7 @@ def _find_meshes(spec: mujoco.MjSpec, meshes: dict[str, Mesh]) -> list[str]:
     import mujoco
 
     left, weighed = [], set()
-    bad = {name: why for name, mesh in meshes.items() if (why := _unreadable(mesh))}
+    bad = {name: why for name, mesh in meshes.items() if (why := _unreadable(mesh, decode))}
     for body in spec.bodies:
         # The reader marks inertias that a URDF leaves open, or has as zeros.
         stated = body.explicitinertial and not math.isnan(body.fullinertia[0])
@@ -174,12 +198,21 @@ def _find_meshes(spec: mujoco.MjSpec, meshes: dict[str, Mesh]) -> list[str]:
     return left
 
 
-def _unreadable(mesh: Mesh) -> str:
+def _unreadable(mesh: Mesh, decode: bool) -> str:
     """Why MuJoCo does not read a mesh; "" where it does."""
     if mesh.file is None:
         return "is not there"
     if mesh.file.suffix.lower() not in _READ:
         return f"is no {', '.join(_READ[:-1])} or {_READ[-1]} file"
+    if decode:
+        import mujoco
+
+        alone = mujoco.MjSpec()
+        _load(alone.add_mesh(name="mesh", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL), mesh)
+        try:
+            alone.compile()
+        except ValueError as error:
+            return f"is not read by MuJoCo ({' '.join(str(error).split())})"
     return ""
 
 
@@ -192,6 +225,54 @@ def _load(element: mujoco.MjsMesh, mesh: Mesh) -> None:
     else:
         element.file = ""
         element.uservert, element.userface = vertices, list(range(len(vertices) // 3))
+
+
+def _without_size(spec: mujoco.MjSpec) -> list[str]:
+    """Leave out shapes of no size, which MuJoCo refuses, and tell of those that are to be touched."""
+    import mujoco
+
+    kinds, left = mujoco.mjtGeom, set[str]()
+    sizes = {kinds.mjGEOM_SPHERE: 1, kinds.mjGEOM_CYLINDER: 2, kinds.mjGEOM_CAPSULE: 2, kinds.mjGEOM_BOX: 3}
+    for geom in list(spec.geoms):
+        if geom.type in sizes and not np.all(geom.size[: sizes[geom.type]] > 0.0):
+            if geom.contype or geom.conaffinity:
+                left.add(geom.parent.name)
+            spec.delete(geom)
+    return [f'a shape of the link "{link}" has no size' for link in sorted(left)]
+
+
+def _weighed(spec: mujoco.MjSpec) -> list[str]:
+    """Give moving links with a mass and no inertia that of their shapes, of even density, about the centre of mass.
+
+    Some programs take only the mass from a URDF, and people who write for these put zeros.
+    """
+    import mujoco
+
+    bodies = [
+        body
+        for body in spec.bodies
+        if body.explicitinertial
+        and body.mass > 0.0
+        and math.isnan(body.fullinertia[0])
+        and (body.joints or body.parent.name == "world")
+    ]
+    if not bodies:
+        return []
+    probe = spec.copy()
+    for joint in list(probe.joints):
+        probe.delete(joint)
+    probe.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    model, told = probe.compile(), []
+    for body in bodies:
+        index = probe.body(body.name).id
+        share = body.mass / max(float(model.body_mass[index]), _NO_MASS)
+        axes = np.zeros(9)
+        mujoco.mju_quat2Mat(axes, model.body_iquat[index])
+        made = share * axes.reshape(3, 3) @ np.diag(model.body_inertia[index]) @ axes.reshape(3, 3).T
+        if model.body_mass[index] > _NO_MASS:
+            body.fullinertia = made[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+            told.append(f'the link "{body.name}" has a mass and no inertia: it gets that of its shapes')
+    return told
 
 
 def _possible_inertias(spec: mujoco.MjSpec) -> list[str]:
@@ -210,7 +291,7 @@ def _possible_inertias(spec: mujoco.MjSpec) -> list[str]:
             continue
         xx, yy, zz, xy, xz, yz = body.fullinertia
         moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        possible = np.maximum(moments, _LEAST * moments[2])
+        possible = np.maximum(moments, max(_LEAST * moments[2], _NO_INERTIA))
         excess = possible[2] - possible[0] - possible[1]
         if excess > 0.0:  # the nearest moments of which none is larger than the sum of the others
             possible += (1.0 + 1e-6) * excess / 3.0 * np.array([1.0, 1.0, -1.0])
@@ -365,6 +446,20 @@ def _add_floor(spec: mujoco.MjSpec) -> None:
     )
 
 
+def _release(spec: mujoco.MjSpec) -> None:
+    """No weld or connect to a mocap body, which is fixed in the world until a program moves it."""
+    import mujoco
+
+    sites = {site.name: site.parent for site in spec.sites}
+    bodies = {body.name: body for body in spec.bodies}
+    for equality in list(spec.equalities):
+        if equality.type in (mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_CONNECT):
+            known = sites if equality.objtype == mujoco.mjtObj.mjOBJ_SITE else bodies
+            ends = [known[name] for name in (equality.name1, equality.name2) if name in known]
+            if any(body.mocap for body in ends):
+                spec.delete(equality)
+
+
 def _free_name(wanted: str, taken: Iterable[str]) -> str:
     known, name, number = set(taken), wanted, 1
     while name in known:
@@ -382,4 +477,12 @@ ADDITIONS: dict[str, tuple[str, Callable[[mujoco.MjSpec], None]]] = {
     "freejoint": ("free joints for bodies that are fixed to the world and carry joints", _free_roots),
     "motors": ("a motor for each hinge and slide that nothing drives", _add_motors),
     "floor": ("the plane z = 0, where there is none", _add_floor),
+    "mocap": (
+        "mocap bodies where what is welded to them is at the first frame, as a program that moves them begins",
+        lambda _: None,  # the equations and the replay see to it
+    ),
+    "release": (
+        "no weld or connect to mocap bodies, which stay where they are until a program moves them",
+        _release,
+    ),
 }

@@ -41,10 +41,10 @@ from stc.solution import Solution, read
 from stc.solver import IterationRecord, Options, Start, Status
 from stc.solver.options import given_options
 from stc.solving import ColdSolve, solve
+from stc.trajectory import require_method
 from stc.transcription import Transcription, transcribe
 from stc.transcription.bind import BoundProgram
 from stc.transcription.guess import check_motion, check_names
-from stc.transcription.schemes import METHODS
 from stc.unfinished import Unfinished, motion_at
 from stc.warm_start import aligned, start_from
 
@@ -166,12 +166,14 @@ class Model:
         UsageError
             An unknown constant or method.
         """
-        _check_method(method)
+        if method is not None:
+            require_method(method)
         return self._transcriptions.problem(method, {**self.overrides, **numbers(constants)})
 
     def transcription(self, method: str | None = None, **constants: float) -> tuple[Problem, Transcription]:
         """The problem and its transcription; an earlier transcription is reused if only numbers have changed."""
-        _check_method(method)
+        if method is not None:
+            require_method(method)
         problem, transcription = self._transcriptions.of(method, {**self.overrides, **numbers(constants)})
         self.warnings = tuple(problem.warnings)
         return problem, transcription
@@ -456,12 +458,6 @@ class Model:
         own = earlier.source == self.text
         alignment = aligned(earlier, problem, solved) if own else Alignment.even(earlier.n, problem.n)
         return start_from(earlier, alignment, transcription, problem)
-
-
-def _check_method(method: object) -> None:
-    """Refuse an unknown transcription."""
-    if method is not None and method not in tuple(METHODS):
-        raise UsageError(f"unknown method {method!r}", f"the methods are {', '.join(METHODS)}")
 
 
 def load(spec: str | os.PathLike[str], **constants: float) -> Model:

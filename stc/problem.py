@@ -272,12 +272,17 @@ class Fixture:
 
 @dataclass(frozen=True, slots=True)
 class ReplayChannel:
-    """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, apply, contact, compare or set."""
+    """One line of ``replay:``: ``kind path = body;`` with kind joint, actuator, apply, contact, compare or set.
+
+    A ``set`` line that comes with the spec's model has that model's number as ``usual``.  It acts only with another
+    value, so that, if the replay has a model of its own, the numbers of that one are judged.
+    """
 
     kind: str
     path: tuple[str, ...]
     body: Expr
     span: Span
+    usual: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

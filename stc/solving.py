@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from stc import unfinished
 from stc.collecting import collect
 from stc.deadline import left
+from stc.free_end import by_free_end
 from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way
 from stc.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
 from stc.problem import Problem
@@ -124,7 +125,11 @@ def _once(
         return bound, _unmoved(bound, Status.TIME_LIMIT)
     if remark := caution(optimizer, bound):
         warnings.warn(remark, SizeWarning, stacklevel=2)
-    result = minimizer(bound, options, start=start, callback=callback)
+    problem = transcription.problem
+    if start is None and optimizer == DEFAULT and problem.n and not problem.jumps:
+        result = by_free_end(transcription, bound, options, callback, minimizer)
+    else:
+        result = minimizer(bound, options, start=start, callback=callback)
     return bound, _forward(transcription, constants, result)
 
 

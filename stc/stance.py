@@ -16,10 +16,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.fitting import Fit
 from stc.language import syntax
 from stc.language.model.scope import ModelScope, coordinates_of, path_of
 from stc.language.model.surfaces import floor
-from stc.mechanism.forces import Wrench
+from stc.mechanism.equalities import held
+from stc.mechanism.forces import Forces, Wrench
 from stc.mechanism.mechanism import Geom, Mechanism
 from stc.mechanism.tree import rotation
 from stc.mechanism.vectors import Vector, vector
@@ -91,6 +93,7 @@ class Stance:
         self.start = np.array(start, float)
         self.apart = apart
         self.scope = ModelScope(syntax.ModelFile(0, 0, ""), Path(), mechanism)
+        self.fit = Fit(self.scope)
         self.floor = floor(self.scope)
         self.up = np.array(self.floor.normal)
         self.drawn = self.start.copy()
@@ -292,16 +295,16 @@ class Stance:
         """Whether the model's motors can hold a pose at rest, (nq,), on some points that push and do not slip.
 
         The friction of a point is the square around its cone.  Limits of forces and torques are not looked at, so that
-        an answer of no is certain; where equality constraints or states of actuators take part the answer is yes.  Dry
+        an answer of no is certain; where states of actuators take part, or loops are open, the answer is yes.  Dry
         friction holds nothing: it lets a joint creep.
 
-        Source: the weight, the springs, the controls within their ranges and the forces of the points balance, as
-        linear least squares with bounds.
+        Source: the weight, the springs, the controls within their ranges, the forces of the points and those of
+        equality constraints balance, as linear least squares with bounds.
         """
         from scipy.optimize import lsq_linear
 
         mechanism, scope = self.mechanism, self.scope
-        if any(each.active for each in mechanism.equalities) or scope.activations:
+        if scope.activations or not self.fit.holds(q):
             return True
         known: dict[object, object] = {
             ConstantRef(name): value for name, value in self.scope.constants.items()
@@ -318,12 +321,20 @@ class Stance:
             force, torque = (_combined(each, own) for each in (ways, arms))
             pushes += own
             wrenches.append(Wrench(scope.dynamics.tree.frame(place.body, vector(place.at)), force, torque))
-        inputs: list[object] = [*map(VariableRef, scope.controls), *pushes]
+        given, links = Forces(wrenches=wrenches), list[VariableRef]()
+        for each in mechanism.equalities:
+            if each.active:
+                link = held(scope.dynamics, each)
+                own = [VariableRef(path_of("equality", each.name, name)) for name in link.names]
+                given.include(link.act([sym(key) for key in own]))
+                links += own
+        inputs: list[object] = [*map(VariableRef, scope.controls), *pushes, *links]
         low, high = [0.0] * len(inputs), [math.inf] * len(inputs)
+        low[len(inputs) - len(links) :] = [-math.inf] * len(links)
         for actuator in mechanism.actuators:
             for index, ends in zip(actuator.controls, actuator.control_ranges, strict=True):
                 low[index], high[index] = ends or (-math.inf, math.inf)
-        residual = scope.dynamics.residual(wrenches)
+        residual = scope.dynamics.residual(given.wrenches, given.on_dofs)
         known.update(zip(inputs, np.eye(len(inputs), len(inputs) + 1, 1), strict=True))
         known.update({key: 0.0 for e in residual for key in symbols(e) if key not in known})
         values = np.array(

@@ -30,12 +30,27 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from stc.errors import UsageError
 from stc.records import dataclass
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
 METHODS = ("central", "trapezoidal", "hermite-simpson", "stepping")
+
+
+def require_method(method: object) -> None:
+    """Refuse what is no transcription.
+
+    Raises:
+        UsageError: its hint is the closest name, or all names.
+    """
+    if method not in METHODS:
+        from difflib import get_close_matches
+
+        near = get_close_matches(str(method), METHODS, n=1)
+        hint = f"did you mean `{near[0]}`?" if near else f"the methods are {', '.join(METHODS)}"
+        raise UsageError(f"unknown method {method!r}", hint)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,12 +148,12 @@ def _sided(step: IntArray, share: FloatArray, last: int, side: str) -> Places:
 
 
 def parabola(left: FloatArray, mid: FloatArray, right: FloatArray) -> list[FloatArray]:
-    """Coefficients, lowest first, in s of the parabola through values at s = 0, 1/2 and 1."""
+    """Coefficients in s, lowest first, of the parabolas through values (k,) at s = 0, 1/2 and 1; (k,) each."""
     return [left, -3.0 * left + 4.0 * mid - right, 2.0 * left - 4.0 * mid + 2.0 * right]
 
 
 def horner(coefficients: list[FloatArray], share: FloatArray) -> FloatArray:
-    """Value of a polynomial, coefficients lowest first, at ``share``."""
+    """Values of polynomials at ``share``, coefficients lowest first; all are broadcast to one shape, (k,) or (s, k)."""
     value = coefficients[-1]
     for coefficient in reversed(coefficients[:-1]):
         value = value * share + coefficient
@@ -155,7 +170,7 @@ def _integrate(
 
 
 def interpolant(method: str, channel: Channel, step: IntArray) -> list[FloatArray]:
-    """The polynomials, coefficients lowest first, that a method defines through node values on the given steps.
+    """The polynomials, coefficients lowest first, that a method defines through node values on steps (k,).
 
     They are parabolas where there are midpoints, constants under stepping, else straight lines.
     """

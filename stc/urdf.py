@@ -24,6 +24,9 @@ _FILENAME = re.compile(r"""(\bfilename\s*=\s*)(?:"([^"]*)"|'([^']*)')""")
 _SCALE = re.compile(r"""\bscale\s*=\s*["']([^"']*)["']""")
 _SETTING = re.compile(r"""\b(meshdir|assetdir)\s*=\s*["']([^"']*)["']""")
 _ROBOT = re.compile(r"<robot\b[^>]*>")
+_FLOATING = re.compile(r"""<joint\b[^>]*\btype\s*=\s*["']floating["'].*?</joint>""", re.DOTALL)
+_PARENT = re.compile(r"""<parent\b[^>]*\blink\s*=\s*["']([^"']*)["']""")
+_CHILD = re.compile(r"""<child\b[^>]*\blink\s*=\s*["']([^"']*)["']""")
 
 #: What MuJoCo's reader does unless it is told otherwise: throws away what is only to be seen, and joins links that
 #: are fixed to one another, whose names are then gone.
@@ -104,9 +107,20 @@ def prepared(text: str, folder: Path) -> tuple[str, dict[str, Mesh]]:
         return tag[: file.start()] + f'{file.group(1)}"{known[key]}"' + tag[file.end() :]
 
     made = _MESH.sub(named, text)
+    root = _root_of_floating(made)
+    if root:  # MuJoCo has free joints in the world alone, and takes a link of this name for it
+        named_root = rf"""(<(?:link|parent)\b[^>]*?\b(?:name|link)\s*=\s*)["']{re.escape(root)}["']"""
+        made = re.sub(named_root, r'\1"world"', made)
     if "<mujoco" not in made:
         made = _ROBOT.sub(lambda match: match.group() + _OPTIONS, made, count=1)
     return made, meshes
+
+
+def _root_of_floating(text: str) -> str:
+    """The link that is fixed to the world and has another one float in it; empty if there is none."""
+    parents = [_PARENT.search(joint) for joint in _FLOATING.findall(text)]
+    children = set(_CHILD.findall(text))
+    return next((found.group(1) for found in parents if found and found.group(1) not in children), "")
 
 
 def mesh_files(path: Path) -> list[Path]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stc.validate.contact_meter import TOUCHES, contact_jacobian, touchable, touching, welded
+from stc.validate.contact_meter import contact_jacobian, touchable, touching, welded
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -90,7 +90,7 @@ def cone_edges(
     """
     found, owners, reach = [], [], np.zeros(model.nv)
     for number, contact in enumerate(data.contact):
-        if contact.dist > TOUCHES or min(contact.geom) < 0:
+        if contact.dist > contact.includemargin or min(contact.geom) < 0:
             continue
         axes = np.array(contact.frame).reshape(3, 3)
         moves, turns = (axes @ part for part in contact_jacobian(model, data, number))

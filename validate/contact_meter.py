@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     #: (c, 2) its geoms, (c, 3) its place; and (b, 3) the origins of the bodies.
     _Contacts: TypeAlias = tuple[FloatArray, FloatArray, np.ndarray, FloatArray, FloatArray]
 
-#: Geoms that are nearer to one another than this, in m, touch in a solved pose.
+#: Geoms that are nearer than this to where they push on one another, in m, touch in a solved pose.
 TOUCHES = 1e-3
 #: So many instants of a replay are integrated at once.
 _TOGETHER = 512
@@ -39,11 +39,12 @@ def welded(model: mujoco.MjModel, body: int) -> set[int]:
 
 
 def touchable(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same model with contacts detected up to :data:`TOUCHES` before they touch, so that rounding does not
-    decide.
+    """The same model with contacts found :data:`TOUCHES` before they push, so that rounding does not decide.
+
+    The margins of two geoms add up; contacts push within them.
     """
-    model.geom_margin[:] = np.maximum(model.geom_margin, TOUCHES)
-    model.pair_margin[:] = np.maximum(model.pair_margin, TOUCHES)
+    model.geom_margin[:] += 0.5 * TOUCHES
+    model.pair_margin[:] += TOUCHES
     return model
 
 
@@ -79,7 +80,7 @@ def touching(
     """
     for number in range(data.ncon):
         contact = data.contact[number]
-        if contact.dist > TOUCHES:
+        if contact.dist > contact.includemargin:
             continue
         # The first axis points from the first geom to the second.
         for geom, sign in ((contact.geom[0], -1.0), (contact.geom[1], 1.0)):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stc.records import dataclass
-from stc.validate.contact_meter import TOUCHES, touching, welded
+from stc.validate.contact_meter import touching, welded
 from stc.validate.inverse import places_of
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ def pose(
             data.qpos[setup.reference.positions] = position
         mujoco.mj_fwdPosition(model, data)
         near = [any(touching(model, data, whole)) for whole in wholes]
-        if any(near or [contact.dist <= TOUCHES for contact in data.contact]):
+        if any(near or [contact.dist <= contact.includemargin for contact in data.contact]):
             return solved
     return False
 

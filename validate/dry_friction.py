@@ -69,11 +69,21 @@ class DryFriction:
         rounded = np.minimum(FRICTION_MISSING, _ROUNDED / np.maximum(np.abs(pull), _AT_BOUND) ** 2)
         return np.where(loose, 1.0, rounded)
 
-    def without(self, force: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
+    def without(
+        self,
+        force: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
+        passed: FloatArray | None = None,
+    ) -> FloatArray:
         """(nv,) the part of generalised forces that dry friction cannot explain.
 
         Where all of the bound may be missing, friction is anything within it; elsewhere it is the bound against the
         motion, up to the share that may be missing.
+
+        Args:
+            passed: (nv, nv) what equalities leave of a unit force on each degree of freedom, of which ``force`` is
+                made as well; None without equalities.
         """
         missing = self.missing(velocity, acceleration)
         full = -self.loss * np.sign(velocity)
@@ -81,4 +91,10 @@ class DryFriction:
         loose = missing == 1.0
         low = np.where(loose, -self.loss, np.minimum(full, nearly))
         high = np.where(loose, self.loss, np.maximum(full, nearly))
-        return np.asarray(force - np.clip(force, low, high))
+        rough = self.loss > 0.0
+        if passed is None or not rough.any():
+            return np.asarray(force - np.clip(force, low, high))
+        from scipy.optimize import lsq_linear
+
+        found = lsq_linear(passed[:, rough], force, (low[rough], high[rough]), method="bvls", tol=1e-20)
+        return np.asarray(force - passed[:, rough] @ found.x)

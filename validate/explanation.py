@@ -193,8 +193,9 @@ def _candidates(model: mujoco.MjModel) -> Iterator[_Numbers]:
     for joint, name in enumerate(joint_names(model)):
         first = int(model.jnt_dofadr[joint])
         dofs = np.flatnonzero(model.dof_jntid == joint)
-        for field, array in (("damping", "dof_damping"), ("armature", "dof_armature")):
-            yield _Numbers(f"joint.{name}.{field}", _array(array), (slice(first, first + len(dofs)),), 1.0)
+        for field in ("damping", "armature", "frictionloss"):
+            own = (slice(first, first + len(dofs)),)
+            yield _Numbers(f"joint.{name}.{field}", _array(f"dof_{field}"), own, 1.0)
         yield _Numbers(f"joint.{name}.stiffness", _array("jnt_stiffness"), (joint,), 1.0)
         if dofs.size == 1:
             three = tuple((joint, axis) for axis in range(3))

@@ -131,7 +131,6 @@ class Attachments:
 
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        data.qfrc_applied[:] = 0.0
         applied = data.qfrc_applied
         applied[:] = 0.0
         for dof, value in zip(self.dofs, values):

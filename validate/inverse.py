@@ -62,6 +62,8 @@ class InverseDynamics:
         untied: (k,) the change of the force on each tied joint if the untied joints are held at the model's initial
             positions; None if all are tied.
         guessed: whether the model's constraints act on untied joints, so that they may move differently.
+        nothing: (k,) the force on each joint that moves it by :data:`_STILL` within the motion, where the scale is no
+            force of the motion but the one for rest: each joint then rests by its own inertia.
     """
 
     at_nodes: FloatArray
@@ -69,6 +71,7 @@ class InverseDynamics:
     scale: float
     untied: FloatArray | None
     guessed: bool = False
+    nothing: FloatArray | None = None
 
     def share(self, residual: FloatArray) -> FloatArray:
         """(k,) residuals as a share of the scale."""
@@ -80,6 +83,8 @@ class InverseDynamics:
         Untied joints follow the transcription's polynomials, whose error reaches the nodes through them.
         """
         sharp = np.full(len(self.at_nodes), limits.INVERSE_DYNAMICS)
+        if self.nothing is not None:
+            sharp = np.maximum(sharp, self.share(self.nothing))
         if self.untied is None:
             return sharp
         part = 1.0 if self.guessed else limits.INVERSE_DYNAMICS_BETWEEN[method]
@@ -118,8 +123,9 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
     momentum, mass = np.zeros(model.nv), np.zeros((model.nv, model.nv))
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, mass)
-    inertia = float(mass.diagonal()[order].max(initial=0.0))
-    scale = _STILL * inertia / duration**2 if duration > 0.0 else 0.0
+    # A force f moves an inertia m by f t^2/(2 m).
+    nothing = 2.0 * _STILL * mass.diagonal()[order] / duration**2 if duration > 0.0 else np.zeros(len(order))
+    scale = at_rest = float(nothing.max(initial=0.0))
     moved = np.zeros(model.nv)
 
     def forces_at(state: list[FloatArray], drive: Drive, force: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -153,7 +159,10 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
             scale, *(float(np.abs(f[order]).max()) for f in (needed, delivered, data.qfrc_bias, gathered))
         )
         left = ties.without(data.qpos, needed - delivered)
-        return np.abs(left if dry is None else dry.without(left, data.qvel, data.qacc))
+        if dry is not None:
+            passed = ties.without(data.qpos, np.eye(model.nv)) if model.neq else None
+            left = dry.without(left, data.qvel, data.qacc, passed)
+        return np.abs(left)
 
     first, last = solution.force_frames or (0, solution.n)
     at_nodes, between = np.zeros(model.nv), np.zeros(model.nv)
@@ -174,6 +183,8 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
             found = residual([part[k] for part in states], drive, forces[k], rests[k])
             between = np.maximum(between, found)
     all_tied = InverseDynamics(at_nodes[order], between[order], scale, None)
+    if scale == at_rest:
+        all_tied = replace(all_tied, nothing=nothing)
     if untied is None:
         return all_tied
     return replace(all_tied, untied=moved[order], guessed=untied.constrained or len(untied.stuck) > 0)

@@ -42,7 +42,7 @@ class Linearisation:
     control: FloatArray
 
     def index(self, frame: int, shares: FloatArray) -> np.ndarray:
-        """The instants that hold for the given shares of a frame step."""
+        """(s,) the instants that hold for shares (s,) of a frame step."""
         count = int(self.first[frame + 1] - self.first[frame])
         inside = np.minimum((np.asarray(shares) * count + 1e-9).astype(np.intp), count - 1)
         return np.asarray(self.first[frame] + inside)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -85,24 +85,38 @@ class Replay:
         return len(self.time) - 1
 
 
-def time_step_for(setup: Setup, longest: float, contacts: bool = True) -> float:
-    """The time step of a replay, with or without the model's contacts, no longer than ``longest``.
+class Stepping(NamedTuple):
+    """How the replays of a motion step.
 
-    Contacts are as stiff as the step is short, so a model's own is not exceeded.  Nor is the time in which dampers slow
-    a joint: Runge and Kutta's method is stable up to 2.8 times that.
+    Attributes:
+        time_step: longest time step with the model's contacts, in seconds.
+        without_contacts: the same without them.
+        integrator: one of :data:`INTEGRATORS`.
     """
-    if contacts and len(setup.contact):
-        longest = min(longest, float(setup.compiled.opt.timestep))
+
+    time_step: float
+    without_contacts: float
+    integrator: str
+
+
+def stepping_for(setup: Setup, longest: float = limits.TIME_STEP, wanted: str = "rk4") -> Stepping:
+    """The time steps of replays, no longer than ``longest``, and their integrator.
+
+    Contacts and equalities are as stiff as the step is short, so a model's own is not exceeded.  Nor is the time in
+    which dampers slow a joint, since Runge and Kutta's method is stable up to 2.8 times that.  Where dampers are so
+    stiff that even the shortest step exceeds it, as in hands whose light fingers have the damping of an arm, MuJoCo's
+    implicit integrator takes its place.
+    """
     rate = _fastest_decay(setup)
-    return longest if rate * longest <= 1.0 else max(1.0 / rate, longest / _FINEST)
 
+    def step(most: float) -> float:
+        return most if rate * most <= 1.0 else max(1.0 / rate, most / _FINEST)
 
-def integrator_for(setup: Setup, time_step: float, wanted: str = "rk4") -> str:
-    """The integrator of a replay: MuJoCo's implicit one in place of Runge and Kutta's method where dampers are so stiff
-    that this would break down at the time step, as in hands whose light fingers have the damping of an arm.
-    """
-    stiff = wanted == "rk4" and _fastest_decay(setup) * time_step > _STABLE
-    return "implicitfast" if stiff else wanted
+    own = min(longest, float(setup.compiled.opt.timestep))
+    without_contacts = step(own if setup.compiled.neq else longest)
+    time_step = step(own) if len(setup.contact) else without_contacts
+    stiff = wanted == "rk4" and rate * time_step > _STABLE
+    return Stepping(time_step, without_contacts, "implicitfast" if stiff else wanted)
 
 
 def _fastest_decay(setup: Setup) -> float:
@@ -155,7 +169,10 @@ def replay(
     simulation = _Simulation(setup, model, integrator, feedback, external, meter)
     if every_step:
         simulation.restarts = set(range(setup.solution.n))
-    return simulation.run(time_step, watcher)
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a simulation that goes astray ends before its numbers do
+        return simulation.run(time_step, watcher)
 
 
 #: Of the classical Runge-Kutta method: the share of the step at which a stage is, its weight, and the instant of the
@@ -296,7 +313,7 @@ class _Simulation:
             if self.meter is not None:
                 self.meter.add(self.frame, model, data, weight * h)
             if stage:
-                rate = rate_of_way(way, qvel.copy(), self.turning)
+                rate = rate_of_way(way, qvel, self.turning)
             else:
                 data.qacc_warmstart[:] = qacc
             velocity += weight * rate

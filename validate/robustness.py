@@ -21,7 +21,7 @@ from stc.validate import limits
 from stc.validate.contact import ground_distances, travelled
 from stc.validate.grips import grips
 from stc.validate.metrics import FloatArray
-from stc.validate.replay import time_step_for
+from stc.validate.replay import stepping_for
 from stc.validate.tracking import Feedback, proportional
 from stc.validate.transmissions import driven_dofs
 
@@ -100,7 +100,7 @@ class Robustness:
     simulator : str
         Name and version.
     integrator : str
-        Of the model, which steps here.
+        The model's own, or an implicit one where dampers are too stiff for it.
     time_step : float
         Longest time step in seconds, unperturbed.
     seconds : float
@@ -214,13 +214,18 @@ def robustness(
     if feedback is None:
         raise UsageError(f"{setup.solution.name}: no motor moves a single joint, so that feedback cannot act")
     started = time.perf_counter()
-    time_step = time_step_for(setup, limits.TIME_STEP)
+    time_step, _, integrator = stepping_for(setup)
+    model = setup.model()
+    if integrator != "rk4":  # the model's own, which steps here, would break down as well
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     envelopes = []
     for kind in kinds:
         # A stream of its own for each kind: an envelope does not depend on which others are asked for.
         rng = np.random.default_rng([seed, list(KINDS).index(kind)])
-        envelopes.append(_envelope(setup, feedback, kind, 1 if kind == "none" else samples, time_step, rng))
-    integrator = mujoco.mjtIntegrator(setup.compiled.opt.integrator).name.removeprefix("mjINT_").lower()
+        envelopes.append(
+            _envelope(setup, model, feedback, kind, 1 if kind == "none" else samples, time_step, rng)
+        )
+    integrator = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_").lower()
     return Robustness(
         setup.solution.name,
         "of travel" if len(setup.contact) else "m",
@@ -234,7 +239,13 @@ def robustness(
 
 
 def _envelope(
-    setup: Setup, feedback: Feedback, kind: str, count: int, time_step: float, rng: np.random.Generator
+    setup: Setup,
+    model: mujoco.MjModel,
+    feedback: Feedback,
+    kind: str,
+    count: int,
+    time_step: float,
+    rng: np.random.Generator,
 ) -> Envelope:
     """All replays of one kind; those of one time step run together."""
     scales = np.ones(count)
@@ -245,7 +256,7 @@ def _envelope(
     positions = np.full((count, setup.solution.n + 1, setup.compiled.nq), math.nan)
     for scale in np.unique(scales):
         chosen = np.flatnonzero(scales == scale)
-        positions[chosen] = _simulate(setup, feedback, kind, len(chosen), time_step * scale, rng)
+        positions[chosen] = _simulate(setup, model, feedback, kind, len(chosen), time_step * scale, rng)
     base, joints, others = ground_distances(setup, positions)
     every = np.concatenate([base, joints, others], axis=1)
     finite = np.isfinite(positions).all(axis=(1, 2))
@@ -265,13 +276,18 @@ def _rms(squares: FloatArray) -> FloatArray:
 
 
 def _simulate(
-    setup: Setup, feedback: Feedback, kind: str, count: int, time_step: float, rng: np.random.Generator
+    setup: Setup,
+    model: mujoco.MjModel,
+    feedback: Feedback,
+    kind: str,
+    count: int,
+    time_step: float,
+    rng: np.random.Generator,
 ) -> FloatArray:
     """(count, n+1, nq) positions at the frames of simulations that step together."""
     from mujoco import batch
 
     solution, reference = setup.solution, setup.reference
-    model = setup.model()
     sims = batch.Batch(model, nsim=count, persistent=False)
     _perturb_model(sims, setup, kind, rng)
     qpos, qvel, ctrl, force = (sims.bind(name) for name in ("qpos", "qvel", "ctrl", "qfrc_applied"))

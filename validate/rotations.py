@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,9 +94,13 @@ def rate_of_way(way: FloatArray, velocity: FloatArray, turning: np.ndarray) -> F
         velocity: (nv,) in the pose at the end of the displacement.
         turning: (k, 3) from :func:`turning_dofs`.
     """
-    if not len(turning):
-        return velocity
-    found, u, w = velocity.copy(), way[turning], velocity[turning]
-    once = cross(u, w)
-    found[turning] = w + 0.5 * once + cross(u, once) / 12.0
+    found = velocity.copy()
+    for dofs in turning:  # numbers, since arrays of three take five times as long
+        u, w = way[dofs].tolist(), velocity[dofs].tolist()
+        once = _cross(u, w)
+        found[dofs] = [a + 0.5 * b + c / 12.0 for a, b, c in zip(w, once, _cross(u, once))]
     return found
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -15,6 +15,7 @@ from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.validate.fields import apply_fields, set_fields
 from stc.validate.forces import Activations, Attachments, Controls, OuterForces
+from stc.validate.mocap import weld_where_it_begins
 from stc.validate.model import (
     ModelError,
     actuator_names,
@@ -167,6 +168,8 @@ def prepare(
         OuterForces(compiled, solution, ("contact",)),
         compared_outputs(compiled, solution),
     )
+    if "mocap" in solution.additions:
+        weld_where_it_begins(setup)
     if carried:
         setup.remarks.append(
             f"there is no model {solution.model} here: the one stored in the solution is replayed"

@@ -17,7 +17,7 @@ import numpy as np
 from stc.records import dataclass
 from stc.validate import limits
 from stc.validate.contact_cones import ContactFit
-from stc.validate.contact_meter import TOUCHES, contact_jacobian, welded
+from stc.validate.contact_meter import contact_jacobian, welded
 from stc.validate.contact_nodes import Node, pose, step_integrals
 
 if TYPE_CHECKING:
@@ -132,7 +132,12 @@ def _moving(model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]) -> dic
     for number, contact in enumerate(data.contact):
         own = [geom >= 0 and int(model.geom_bodyid[geom]) in bodies for geom in contact.geom]
         friction = np.array(contact.friction[:2])
-        if contact.dist > TOUCHES or contact.dim < 2 or not any(own) or not np.all(friction > 0.0):
+        if (
+            contact.dist > contact.includemargin
+            or contact.dim < 2
+            or not any(own)
+            or not np.all(friction > 0.0)
+        ):
             continue
         tangents = np.array(contact.frame).reshape(3, 3)[1:]
         moves, turns = contact_jacobian(model, data, number)

@@ -139,11 +139,11 @@ class Coordinate(Tie):
         self.sources = [(orders, 0)], [(orders, 1)], [(orders, 2)] if 2 in orders else []
 
     def gap(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """The difference of the two positions, signed."""
+        """(...) the signed difference of positions (..., 1), in m or rad."""
         return np.asarray(end[..., 0] - start[..., 0])
 
     def shown(self, positions: FloatArray) -> FloatArray:
-        """The coordinate itself."""
+        """(...) the coordinate itself, in m or rad, of positions (..., 1)."""
         return np.asarray(positions[..., 0])
 
     @property
@@ -202,11 +202,11 @@ class Orientation(Tie):
         )
 
     def gap(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """The angle of the rotation between the two."""
+        """(...) the angle of the rotation between orientations (..., 4), in rad."""
         return angle_between(start, end)
 
     def shown(self, positions: FloatArray) -> FloatArray:
-        """The angle turned since the first of the positions: 0 to 2 pi where the quaternions have no sudden change."""
+        """(k,) the angle since the first of orientations (k, 4), in rad: 0 to 2 pi where none changes suddenly."""
         start, turned = normalised(positions[:1]), normalised(positions)
         sine = np.sin(0.5 * angle_between(np.broadcast_to(start, turned.shape), turned))
         return np.asarray(2.0 * np.arctan2(sine, np.sum(start * turned, axis=-1)))

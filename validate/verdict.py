@@ -30,7 +30,7 @@ from stc.validate.metrics import FloatArray, Metric, drift
 from stc.validate.model import file_hash
 from stc.validate.momentum import momentum_metrics
 from stc.validate.position_jumps import position_jumps
-from stc.validate.replay import Replay, integrator_for, replay, time_step_for
+from stc.validate.replay import Replay, replay, stepping_for
 from stc.validate.report import Report
 from stc.validate.setup import Setup, prepare
 from stc.validate.solved_pose import equality_metrics, limit_metrics, limit_notes
@@ -209,8 +209,7 @@ def run_replays(
         UsageError: a time step or integrator that cannot be used.
     """
     longest = number(time_step, "the time step of the replay")
-    time_step = time_step_for(setup, longest)
-    integrator = integrator_for(setup, time_step, integrator)
+    time_step, without_contacts, integrator = stepping_for(setup, longest, integrator)
     meter = ContactMeter(setup)
     found = Replays(setup, replay(setup, time_step, integrator, meter=meter))
     if found.open_loop.broke_at is not None:
@@ -223,7 +222,7 @@ def run_replays(
     if not len(setup.contact):
         found.notes += [touch.line for touch in [*found.touching, *found.strays]]
     if len(setup.contact):
-        _hand_over(found, longest, integrator)
+        _hand_over(found, without_contacts, integrator)
         # Feedback hides what the contacts do not give; where errors hardly grow the open loop tells it.
         if found.tracked is not None and tracked_meter is not None and found.unstable:
             found.ground = contact_forces(setup, found.tracked, tracked_meter)
@@ -232,11 +231,9 @@ def run_replays(
     return found
 
 
-def _hand_over(found: Replays, longest: float, integrator: str) -> None:
+def _hand_over(found: Replays, time_step: float, integrator: str) -> None:
     """The replay with the solved contact forces, and the growth of errors in it."""
     setup = found.setup
-    # No contact asks for short steps.
-    time_step = time_step_for(setup, longest, contacts=False)
     found.external = replay(setup, time_step, integrator, external=True)
     maps = linearised(setup, held=False) if setup.solution.n else None
     if maps is not None:

@@ -11,36 +11,18 @@ from typer.models import CommandInfo
 
 from stc.cli import editor, explaining, exports, jobs, perturbed, pictures, steering, studies, sweeping
 from stc.cli import view as viewing
-from stc.cli.options import SolveOptions, solve_options, writable_page
+from stc.cli.options import SolveOptions, writable_page
 from stc.cli.parameters import (
     CompareLimit,
-    Continue,
-    Direct,
-    Explain,
     Force,
-    GuessFrom,
     Json,
-    MaxIterations,
-    Method,
-    Optimizer,
     Optimizers,
-    Output,
     PictureOutput,
-    Profile,
-    Refine,
     Report,
-    Seed,
-    Set,
     Spec,
     SpecOrSolution,
-    Starts,
-    StartWorkers,
     Table,
-    Threads,
-    TimeLimit,
-    Tolerance,
-    UntilVerified,
-    WarmStart,
+    with_options,
 )
 from stc.errors import UsageError
 from stc.version import __version__
@@ -82,76 +64,38 @@ def top(
         print(context.get_help())
 
 
-def _of_solve(context: typer.Context) -> SolveOptions:
-    """The options of a command's solve: all of its parameters but those of the command itself."""
-    own = ("spec", "force", "report", "table", "json")
-    return solve_options(**{name: value for name, value in context.params.items() if name not in own})
+#: Options of a solve: those of all commands that solve, and those of the commands that may search.
+_SOLVING = ("settings", "method", "max_iterations", "time_limit", "tolerance", "optimizer", "warm_start")
+_SEARCHING = (*_SOLVING, "guess_from", "walk", "starts", "seed", "workers", "refine")
 
 
 @app.command()
-def solve(
-    context: typer.Context,
-    spec: Spec,
-    settings: Set = None,
-    method: Method = None,
-    max_iterations: MaxIterations = None,
-    time_limit: TimeLimit = None,
-    tolerance: Tolerance = None,
-    optimizer: Optimizer = None,
-    warm_start: WarmStart = None,
-    guess_from: GuessFrom = None,
-    walk: Continue = None,
-    starts: Starts = None,
-    seed: Seed = None,
-    workers: StartWorkers = None,
-    refine: Refine = None,
-    output: Output = None,
-    explain: Explain = False,
-    direct: Direct = False,
-    profile: Profile = False,
-    threads: Threads = None,
-    json: Json = False,
-) -> int:
+@with_options(*_SEARCHING, "output", "explain", "direct", "profile", "threads")
+def solve(spec: Spec, options: SolveOptions, json: Json = False) -> int:
     """Solve a spec and save the motion."""
-    options = _of_solve(context)
     return jobs.solve(spec, options, as_json=json)
 
 
 @app.command()
+@with_options(*_SEARCHING, "until", "until_passed", "direct", "threads", "output")
 def run(
-    context: typer.Context,
     spec: Spec,
-    settings: Set = None,
-    method: Method = None,
-    max_iterations: MaxIterations = None,
-    time_limit: TimeLimit = None,
-    tolerance: Tolerance = None,
-    optimizer: Optimizer = None,
-    warm_start: WarmStart = None,
-    guess_from: GuessFrom = None,
-    walk: Continue = None,
-    starts: Starts = None,
-    seed: Seed = None,
-    workers: StartWorkers = None,
-    refine: Refine = None,
-    until: UntilVerified = None,
-    direct: Direct = False,
-    threads: Threads = None,
-    output: Output = None,
+    options: SolveOptions,
     force: Force = False,
     report: Report = None,
     table: Table = False,
     json: Json = False,
 ) -> int:
     """Solve a spec, save the motion and validate it in MuJoCo."""
-    options = _of_solve(context)
     page = None if report is None else writable_page(report)
     return jobs.run(spec, options, force=force, page=page, table=table, as_json=json)
 
 
 @app.command()
+@with_options("method", "max_iterations", "tolerance")
 def sweep(
     spec: Spec,
+    options: SolveOptions,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -173,13 +117,9 @@ def sweep(
     solve_only: Annotated[
         bool, typer.Option("--solve-only", help="Do not replay the motions in MuJoCo.")
     ] = False,
-    method: Method = None,
-    max_iterations: MaxIterations = None,
-    tolerance: Tolerance = None,
     json: Json = False,
 ) -> int:
     """Solve and validate a spec for all combinations of values. Repeat the command to continue a stopped sweep."""
-    options = solve_options(None, method, max_iterations, None, tolerance)
     return sweeping.run(spec, settings, output, options, workers=workers, replay=not solve_only, as_json=json)
 
 
@@ -206,32 +146,22 @@ def dataset(
 
 
 @app.command()
+@with_options("settings", "method", "max_iterations", "tolerance", time_limit=(CompareLimit, 60.0))
 def compare(
     spec: Spec,
+    options: SolveOptions,
     optimizers: Optimizers = None,
-    settings: Set = None,
-    method: Method = None,
-    max_iterations: MaxIterations = None,
-    time_limit: CompareLimit = 60.0,
-    tolerance: Tolerance = None,
     json: Json = False,
 ) -> int:
     """Solve a spec with several optimizers and print the result of each."""
-    options = solve_options(settings, method, max_iterations, time_limit, tolerance)
     return jobs.compare(spec, optimizers, options, as_json=json)
 
 
 @app.command()
+@with_options(*_SOLVING, "output")
 def validate(
     target: SpecOrSolution,
-    settings: Set = None,
-    method: Method = None,
-    max_iterations: MaxIterations = None,
-    time_limit: TimeLimit = None,
-    tolerance: Tolerance = None,
-    optimizer: Optimizer = None,
-    warm_start: WarmStart = None,
-    output: Output = None,
+    options: SolveOptions,
     force: Force = False,
     report: Report = None,
     table: Table = False,
@@ -272,9 +202,6 @@ def validate(
     json: Json = False,
 ) -> int:
     """Validate a saved motion in MuJoCo; a spec is solved first."""
-    options = solve_options(
-        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
-    )
     page = None if report is None else writable_page(report)
     if robustness:
         if page is not None or equations or order:
@@ -291,33 +218,32 @@ def validate(
 
 
 @app.command()
-def check(spec: Spec, settings: Set = None, method: Method = None, json: Json = False) -> int:
+@with_options("settings", "method")
+def check(spec: Spec, options: SolveOptions, json: Json = False) -> int:
     """Report mistakes, warnings and sizes of a spec without solving it."""
-    options = solve_options(settings, method)
     return jobs.check(spec, options, as_json=json)
 
 
 @app.command()
+@with_options("settings", "method")
 def show(
     spec: Spec,
+    options: SolveOptions,
     stage: Annotated[
         str,
         typer.Option("--stage", metavar="STAGE", help="The stage to print; --stage list prints their names."),
     ] = "problem",
-    settings: Set = None,
-    method: Method = None,
 ) -> int:
     """Print a stage of a spec's processing (tokens, syntax, problem, machine code, ...), or a model's names."""
-    options = solve_options(settings, method)
     return jobs.show(spec, stage, options)
 
 
 @app.command()
+@with_options("settings", "method")
 def plot(
     target: SpecOrSolution,
     output: PictureOutput,
-    settings: Set = None,
-    method: Method = None,
+    options: SolveOptions,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -325,16 +251,15 @@ def plot(
 
     Without a model the variables are drawn.
     """
-    options = solve_options(settings, method)
     return pictures.plot(target, output, options, force=force, as_json=json)
 
 
 @app.command()
+@with_options("settings", "method")
 def render(
     target: SpecOrSolution,
     output: PictureOutput,
-    settings: Set = None,
-    method: Method = None,
+    options: SolveOptions,
     show: Annotated[
         str,
         typer.Option(
@@ -364,14 +289,15 @@ def render(
     json: Json = False,
 ) -> int:
     """Render the motion as a filmstrip (.png, .jpg) or a video (.webp, .gif, .mp4); no screen is needed."""
-    options = solve_options(settings, method)
     look = pictures.look(size, camera, rate, speed, tiles)
     return pictures.render(target, output, look, show, options, force=force, as_json=json)
 
 
 @app.command()
+@with_options("settings", "method")
 def export(
     target: SpecOrSolution,
+    options: SolveOptions,
     kind: Annotated[str | None, typer.Option("--format", metavar="FORMAT", help=exports.HELP)] = None,
     output: Annotated[
         str | None,
@@ -395,21 +321,20 @@ def export(
             help="Longest step of keyframes and controls; default the model's.",
         ),
     ] = None,
-    settings: Set = None,
-    method: Method = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
     """Write a motion for other programs: tables, MuJoCo keyframes and controls with gains, glTF, USD, ROS."""
-    options = solve_options(settings, method)
     return exports.export(
         target, kind, output, options, rate=rate, time_step=time_step, force=force, as_json=json
     )
 
 
 @app.command()
+@with_options("settings", "method", "time_limit")
 def steer(
     spec: Spec,
+    options: SolveOptions,
     port: Annotated[
         int | None,
         typer.Option("--port", metavar="NUMBER", help="Of the page; default: a free one from 8090."),
@@ -426,18 +351,16 @@ def steer(
     native: Annotated[
         bool, typer.Option("--native", help="In a window of MuJoCo's viewer, not in a browser.")
     ] = False,
-    settings: Set = None,
-    method: Method = None,
-    time_limit: TimeLimit = None,
 ) -> int:
     """Steer a motion by hand in a browser: drag what the spec states, and write it back into its text."""
-    options = solve_options(settings, method, time_limit=time_limit)
     return steering.steer(spec, options, port, output, native=native)
 
 
 @app.command()
+@with_options(*_SOLVING, "output")
 def view(
     target: SpecOrSolution,
+    options: SolveOptions,
     web: Annotated[
         bool, typer.Option("--web", help="Show the motion in a browser; no screen is needed.")
     ] = False,
@@ -457,19 +380,8 @@ def view(
     speed: Annotated[
         float, typer.Option("--speed", metavar="SHARE", help="Speed as a share of real time.")
     ] = 1.0,
-    settings: Set = None,
-    method: Method = None,
-    max_iterations: MaxIterations = None,
-    time_limit: TimeLimit = None,
-    tolerance: Tolerance = None,
-    optimizer: Optimizer = None,
-    warm_start: WarmStart = None,
-    output: Output = None,
 ) -> int:
     """Show a motion in MuJoCo's viewer, and change its constants while it runs."""
-    options = solve_options(
-        settings, method, max_iterations, time_limit, tolerance, warm_start, output, optimizer
-    )
     return viewing.view(target, options, viewing.Window(web, host, port, tracked, speed), live=live)
 
 
@@ -480,18 +392,19 @@ def list_(json: Json = False) -> int:
 
 
 @app.command()
+@with_options("settings")
 def schedule(
     target: SpecOrSolution,
+    options: SolveOptions,
     output: Annotated[
         str | None,
         typer.Option("-o", "--output", metavar="FILE", help="The spec to write; default NAME_scheduled.stc."),
     ] = None,
-    settings: Set = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
     """Write the contacts that a `free:` solve found as a spec with ranges of frames, for an exact solve."""
-    return exports.schedule(target, output, solve_options(settings), force=force, as_json=json)
+    return exports.schedule(target, output, options, force=force, as_json=json)
 
 
 @app.command("language-server")

@@ -346,10 +346,15 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
         ending = Ending(watch, file, as_json)
         with guard.on_end(ending):
             try:
+                searched = model
+                if options.search.adds_frames:
+                    from stc.studies.frames import in_shares
+
+                    searched = in_shares(model, options.method)
                 found = searches.find(
-                    model,
+                    searched,
                     options.search,
-                    ending.noting(partial(model.solve, callback=watch, minimizer=minimizer)),
+                    ending.noting(partial(searched.solve, callback=watch, minimizer=minimizer)),
                     not as_json,
                     method=options.method,
                     tolerance=options.tolerance,
@@ -392,7 +397,7 @@ def _solved(model: Model, options: SolveOptions, as_json: bool, save: bool) -> O
 def _stated_warnings(model: Model, options: SolveOptions) -> Sequence[Diagnostic]:
     """The warnings about the spec as given, not about the frame counts of a search."""
     search = options.search
-    if search.walk is None and search.refine is None and search.until is None:
+    if search.walk is None and not search.adds_frames:
         return model.warnings
     last = {} if search.walk is None else {search.walk.name: search.walk.last}
     return model.problem(options.method, **last).warnings

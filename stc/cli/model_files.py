@@ -72,6 +72,12 @@ def listing(name: str) -> str:
             else []
         )
         lines += [f"left out or changed: {change}" for change in mechanism.changes]
+    for one in filter(mechanism.welded_to_mocap, mechanism.equalities):
+        first, second = (path_of("body", mechanism.bodies[body].name) for body in (one.first, one.second))
+        lines += [
+            f"{path_of('equality', one.name)} welds {first} and {second} to each other, of which one is a mocap body.",
+            "it is where the file draws it; `with mocap`: where the motion begins; `with release`: no such weld",
+        ]
     refused = refusals(mechanism)
     lines.append("cannot be stated:" if refused else "every element of the model is supported")
     lines += [f"  {refusal} (or `without {refusal.kind}`)" for refusal in refused]

@@ -174,6 +174,8 @@ def _completed(file: Path) -> tuple[Mechanism, str]:
             added += ("excludes",)
         if _travels(plain, objects(plain)) and all(geom.body for geom in plain.geoms):
             added += ("floor",)
+    if any(plain.welded_to_mocap(each) for each in plain.equalities):
+        added += ("mocap",)
     words = [f"with {', '.join(added)}"] if added else []
     words += [f"without {', '.join(left)}"] if left else []
     mechanism = read_model(file, additions=added) if added else plain
@@ -246,19 +248,26 @@ class _Pages:
     """The pages that begin in one pose, (nq,)."""
 
     def __init__(self, mechanism: Mechanism, pose: str, q: Sequence[float]) -> None:
-        self.mechanism, self.pose = mechanism, pose
         loose = objects(mechanism)
+        self.mechanism, self.pose = mechanism, pose
         self.stance = Stance(mechanism, q, loose)
+        self.stance.start = self._closed(self.stance.fit.regular(self.stance.start))
         self.driven = self.stance.driven()
         self.held = self.driven if any(joint.body in loose for joint in mechanism.joints) else []
         # No stop of a range takes part in a page, so that what moves by itself begins far from it.
-        self.within = self.stance.changes(self.stance.bent(0.5))
+        self.within = self.stance.changes(self._closed(self.stance.bent(0.5)))
         self.travels = _travels(mechanism, loose)
         things = Stance(mechanism, q, frozenset(range(len(mechanism.bodies))) - loose)
         self.lying = things.lowest(_LEVEL) if abs(things.height()) < _LEVEL else []
         # What falls is left to itself for as long as it touches nothing; what is drawn in the floor slides along it.
         falls = things.height() > _LEVEL
         self.most = 0.9 * math.sqrt(2.0 * things.height() / _GRAVITY) if falls else math.inf
+
+    def _closed(self, q: Matrix) -> Matrix:
+        """A pose, (nq,), after its loops are closed, if they can be."""
+        fit = self.stance.fit
+        found = None if fit.holds(q) else fit.pose(q)
+        return q if found is None else found
 
     def _page(self, title: str, seconds: float = 0.5, **more: Any) -> _Page:
         seconds = seconds if seconds < self.most else float(f"{self.most:.1g}")
@@ -277,7 +286,7 @@ class _Pages:
         if not self.travels:
             # What is loose is held by nothing.  A servo pushes a joint at the end of its range one way only, and the
             # harder, the farther from there the joint is.
-            tries = (stance.start, stance.bent(), stance.bent(0.5))
+            tries = (stance.start, self._closed(stance.bent()), self._closed(stance.bent(0.5)))
             poses = [q for q in tries if self.held or stance.holds(q, [])][:1]
             for q in poses:
                 yield self._standing("holds a pose with the least effort", [], stance.changes(q))

@@ -55,7 +55,9 @@ def solve_options(
         UsageError: an invalid value, or a file that is missing or cannot be written.
     """
     if method is not None:
-        check_method(method)
+        from stc.trajectory import require_method
+
+        require_method(method)
     if max_iterations is not None and max_iterations < 0:
         raise UsageError(f"--max-iterations must be at least 0, not {max_iterations}")
     if time_limit is not None and not time_limit > 0:
@@ -93,22 +95,6 @@ def solve_options(
         direct,
         threads,
     )
-
-
-def check_method(method: str) -> None:
-    """Refuse an unknown transcription.
-
-    Raises:
-        UsageError: the message suggests the closest name.
-    """
-    from stc.trajectory import METHODS
-
-    if method not in METHODS:
-        from difflib import get_close_matches
-
-        near = get_close_matches(method, METHODS, n=1)
-        hint = f"did you mean `{near[0]}`?" if near else ""
-        raise UsageError(f"--method must be one of {', '.join(METHODS)}, not `{method}`", hint)
 
 
 def constants(settings: Sequence[str] | None) -> dict[str, float]:

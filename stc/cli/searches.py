@@ -44,6 +44,7 @@ class Search:
         starts, seed, workers: number of starts of a multi-start, their seed, and the processes that share them.
         refine: tolerance of a mesh refinement.
         until: drift of the replay below which a motion counts as verified.
+        until_passed: whether to add frames until the motion passes its validation.
     """
 
     guess: Path | None = None
@@ -53,6 +54,12 @@ class Search:
     workers: int = 1
     refine: float | None = None
     until: float | None = None
+    until_passed: bool = False
+
+    @property
+    def adds_frames(self) -> bool:
+        """Whether the search looks for the number of frames."""
+        return self.refine is not None or self.until is not None or self.until_passed
 
 
 @dataclass(slots=True)
@@ -112,6 +119,7 @@ def search_options(
     refine: float | None = None,
     until: float | None = None,
     workers: int | None = None,
+    until_passed: bool = False,
 ) -> Search:
     """Check the options before any work is done.
 
@@ -140,8 +148,14 @@ def search_options(
         raise UsageError(f"--refine must be a positive tolerance, not {refine:g}")
     if until is not None and not until > 0:
         raise UsageError(f"--until-verified must be a positive drift, not {until:g}")
-    if until is not None and refine is not None:
-        raise UsageError("--refine and --until-verified both choose the frames: give one of them")
+    choosing = {
+        "--refine": refine is not None,
+        "--until-verified": until is not None,
+        "--until-passed": until_passed,
+    }
+    if sum(choosing.values()) > 1:
+        names = " and ".join(name for name, given in choosing.items() if given)
+        raise UsageError(f"{names} both choose the frames: give one of them")
     if guess_from is not None and not Path(guess_from).is_file():
         raise UsageError(f"--guess-from: there is no file `{guess_from}`")
     return Search(
@@ -152,6 +166,7 @@ def search_options(
         1 if workers is None else workers,
         refine,
         until,
+        until_passed,
     )
 
 
@@ -194,7 +209,7 @@ def find(model: Model, search: Search, solve: Callable[..., Solution], show: boo
         from stc.guess_file import read_guess
 
         options["guess"] = read_guess(search.guess)
-    if all(one is None for one in (search.walk, search.starts, search.refine, search.until)):
+    if search.walk is None and search.starts is None and not search.adds_frames:
         solution = solve(**options)
         return Found(solution, solution.status)
     found = None
@@ -210,6 +225,8 @@ def find(model: Model, search: Search, solve: Callable[..., Solution], show: boo
         found = _refined(model, search.refine, found, solve, show, options)
     if search.until is not None and (found is None or found.good):
         found = _verified(model, search.until, found, solve, show, options)
+    if search.until_passed and (found is None or found.good):
+        found = _passed(model, found, solve, show, options)
     assert found is not None
     return found
 
@@ -336,6 +353,33 @@ def _verified(
     message = result.message and f"--until-verified {tolerance:g} was not reached: {result.message}"
     last = result.rounds[-1].status
     return Found(result.solution, last, message, {**record, **totals, "verification": result.to_dict()})
+
+
+def _passed(
+    model: Model, before: Found | None, solve: Callable[..., Solution], show: bool, options: dict[str, Any]
+) -> Found:
+    from stc.studies.passing import solve_until_passed
+
+    table = _Table(("n", "objective", "iterations", "of its limit", "exceeded most by"), show)
+    result = solve_until_passed(
+        model,
+        start=None if before is None else before.solution,
+        solve=solve,
+        on_attempt=lambda one: table.row(
+            str(one.n),
+            _figure(one.objective),
+            str(one.iterations),
+            f"{one.excess:.3g} times" if one.excess else "-",
+            one.worst or "-",
+        ),
+        **options,
+    )
+    table.end()
+    assert result.solution is not None
+    record, totals = _added(before, result.effort)
+    last = result.attempts[-1].status
+    message = result.message and f"--until-passed ended: {result.message}"
+    return Found(result.solution, last, message, {**record, **totals, "passing": result.to_dict()})
 
 
 def _added(before: Found | None, effort: Effort) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -164,7 +164,7 @@ def _compiled(model: Model, method: str | None) -> Transcription:
 
 def sparsity(model: Model, method: str | None) -> str:
     """The patterns of the Jacobian and of the Lagrangian's Hessian, as pictures."""
-    from stc.cli.picture import picture
+    from stc.cli.sparsity import picture
 
     found = model.transcription(method)[1]
     program = found.program

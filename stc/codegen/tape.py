@@ -7,8 +7,8 @@ A :class:`Tape` is in static single assignment form.  Values live in numbered *s
 Uniform inputs have one value per call, varying inputs one per instance (frame).  Operations that depend on
 uniform inputs and literals alone come first and are flagged, so that a back end can run them once per call.
 
-The operators are those of :data:`OPERATORS` and :data:`LOOKUPS` and nothing else.  What is reduced in strength on the
-way here:
+The operators are those of :data:`~stc.symbolic.node.ARITY` and :data:`LOOKUPS` and nothing else.  What is reduced in
+strength on the way here:
 
 - ``e^k`` with whole ``|k| <= 64`` becomes multiplications (repeated squaring, powers shared), ``e^(k/2)``
   with odd ``|k| <= 32`` multiplications and a square root; a negative exponent adds one division.  ``pow``
@@ -33,17 +33,14 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Final
 
 from stc.records import dataclass
-from stc.symbolic.expr import FUNCTIONS, Expr, reachable
+from stc.symbolic.expr import Expr, reachable
 from stc.symbolic.tables import CLIP, REACHES, READ
 
 if TYPE_CHECKING:
     from stc.codegen.lowering import Program
 
-OPERATORS: Final[dict[str, int]] = {"add": 2, "sub": 2, "mul": 2, "div": 2, "pow": 2, "neg": 1, **FUNCTIONS}
-"""The operators of a tape that are arithmetic, and how many operands each takes."""
-
 LOOKUPS: Final[dict[str, int]] = {CLIP: 2, REACHES: 2, READ: 2}
-"""The others, which looking up a table takes.
+"""The operators that looking up a table takes, and how many operands each has.
 
 ``clip(x, last)`` is x rounded down, between 0 and last; 0 where x is no number.  ``reaches(begin, x)`` is 1 where begin
 is not above x, else 0.  ``read(place, k)`` is the number k places after the place in what follows the uniform inputs,

@@ -11,8 +11,8 @@ from stc.editor.names import Known, file_of
 from stc.editor.reading import Reading, section_at
 from stc.editor.words import WORDS, words_in
 from stc.language.lexer import WORD_CHARACTER
-from stc.language.words import METHODS
 from stc.records import dataclass
+from stc.trajectory import METHODS
 
 __all__ = ["Completion", "Target", "completions", "hover", "outline", "targets"]
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from stc.language.contact_statements import KINDS
-from stc.language.words import METHODS, OPERATORS, POSE_WORDS, REPLAY_KINDS, RESERVED, SECTIONS
+from stc.language.words import OPERATORS, POSE_WORDS, REPLAY_KINDS, RESERVED, SECTIONS
 from stc.symbolic.expr import FUNCTIONS
+from stc.trajectory import METHODS
 
 __all__ = ["WORDS", "words_in"]
 

@@ -15,6 +15,8 @@ from stc.symbolic.traverse import reachable
 Place = tuple[int, int]
 
 #: Angles that are given as multiples of five between these numbers are probably meant in degrees: two turns and more.
+#: 70 pages of the specs, documents and tests limit an angle by another number than 0.  None of them gives an alarm; all
+#: do with their limits in degrees, rounded to multiples of five, and 68 would from 20 degrees on.
 _LEAST_DEGREES, _MOST_DEGREES = 15.0, 360.0
 
 

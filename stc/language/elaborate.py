@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from stc.errors import Span, SpecError, UsageError
+from stc.errors import Span, SpecError
 from stc.language import checks, syntax
 from stc.language.context import Context
 from stc.language.definition_values import define, work_out_step
@@ -22,7 +22,7 @@ from stc.language.mechanics import equations_of_motion, forces_on_coordinates
 from stc.language.model.stars import is_starred
 from stc.language.name_table import DATA_SET
 from stc.language.statements import Objective, Relations
-from stc.language.words import METHODS, RESERVED
+from stc.language.words import RESERVED
 from stc.problem import (
     ConstantRef,
     FrameRange,
@@ -36,6 +36,7 @@ from stc.problem import (
     VariableRef,
 )
 from stc.symbolic.expr import Expr, evaluate, looked_up, symbols
+from stc.trajectory import METHODS, require_method
 
 if TYPE_CHECKING:
     from stc.language.model.assembly import ModelStatements
@@ -84,11 +85,8 @@ def elaborator(
 
     It knows the names of the spec and the values of its constants from the start, and makes the problem when asked to.
     """
-    if method is not None and method not in METHODS:
-        raise UsageError(
-            f"there is no method `{method}`",
-            did_you_mean(method, METHODS) or f"methods are {', '.join(METHODS)}",
-        )
+    if method is not None:
+        require_method(method)
     has_model = any(section.kind == "model" for section in tree.sections)
     if not has_model and any(section.kind == "contact" for section in tree.sections):
         from stc.language.contact import without_contacts
@@ -186,7 +184,7 @@ class Elaborator(Context):
             additions=[] if self.model is None else [word.name for word in self.model.statement.additions],
             left_out=[] if self.model is None else [word.name for word in self.model.statement.without],
             relaxation="" if self.model_statements is None else self.model_statements.relaxation(),
-            free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts(),
+            free_contacts=[] if self.model_statements is None else self.model_statements.free_contacts,
             at_nodes=[] if self.builder.paths is None else self.builder.paths.distances.unknowns(),
             fixtures=fixtures,
             root=frozenset() if self.model_statements is None else self.model_statements.root(),
@@ -502,7 +500,12 @@ class Elaborator(Context):
 
     def _no_guess_for(self, name: syntax.Name, kind: str | None) -> None:
         word = name.name
-        if word in self.tree.damaged:
+        if word in self.tree.damaged or ("." in word and self.builder.model_is_missing):
+            return
+        if kind is None and "." in word and self.model is not None:
+            hint = did_you_mean(word, self.table.of_kind("variable"))
+            hint = hint or "coordinates and controls are guessed, or a pose: `[20]: keyframe.stand;`"
+            self.error(name, f"`{word}` is no coordinate or control of the model", hint)
             return
         if kind is None and word not in RESERVED and word not in ("n", "h"):
             unknowns = [*self.table.of_kind("variable"), *self.table.of_kind("parameter")]

@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from stc.language import syntax
-from stc.language.constants import Constants
+from stc.language.constants import MOST_FRAMES, Constants
 from stc.language.definitions import runs
 from stc.language.diagnostics import Diagnostics, derivative_meant, did_you_mean
 from stc.language.habits import function_hint
@@ -426,7 +426,7 @@ class ExpressionBuilder:
         if len(arguments) != 1 or not isinstance(arguments[0], syntax.Name):
             return self.fail(node, "`momentum` takes the name of one coordinate, as in `momentum(x)`")
         name = arguments[0].name
-        if self.paths is not None:
+        if self.paths is not None or self.model_is_missing:
             hint = "write `momentum.x` of the whole, `angular.x`, or `momentum.NAME.x` of a body and what hangs on it"
             return self.fail(node, "a spec with a model has no Lagrangian, and so no `momentum(q)`", hint)
         if self.momenta is None:
@@ -532,9 +532,12 @@ class ExpressionBuilder:
         for key in symbols(e):
             if isinstance(key, VariableRef):
                 at = _tidy(scale * key.scale), _tidy(shift * key.scale + key.shift)
+                hint = f"its frames are 0 to {self.constants.n}"
                 if at[0] == 0 and not (at[1].denominator == 1 and 0 <= at[1] <= (self.constants.n or 0)):
-                    hint = f"its frames are 0 to {self.constants.n}"
                     return self.fail(node, f"`{key.name}` is read at frame {at[1]}, outside the motion", hint)
+                # Such numbers of frames would not fit into the integers of arrays.
+                if not all(-MOST_FRAMES <= number <= MOST_FRAMES for number in at):
+                    return self.fail(node, f"`{key.name}` is read outside the motion", hint)
                 mapping[key] = sym(replace(key, scale=at[0], shift=at[1]))
             elif isinstance(key, IndexRef):
                 mapping[key] = add(mul(num(float(scale)), INDEX), num(float(shift)))

@@ -195,7 +195,7 @@ def _is_coordinate(context: Context, name: syntax.Name) -> bool:
     kind = context.table.kind(name.name)
     if kind == "variable":
         return True
-    if name.name not in context.tree.damaged:
+    if name.name not in context.tree.damaged and not ("." in name.name and context.builder.model_is_missing):
         what = f"`{name.name}` is a {kind}" if kind else f"`{name.name}` is not declared"
         context.error(name, f"{what}; a generalised force acts on a variable", _nearest(context, name.name))
     return False

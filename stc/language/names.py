@@ -43,7 +43,7 @@ def collect_names(
         from stc.language.model.scope import model_of  # which most specs do without
 
         written = {
-            name: e.value.value for name, e in table.entries.items() if isinstance(e.value, syntax.Number)
+            name: value for name, e in table.entries.items() if (value := _literal(e.value)) is not None
         }
         table.model = model_of(spec, {**written, **(overrides or {})}, diagnostics)
         if table.model is not None:
@@ -54,13 +54,21 @@ def collect_names(
     return table
 
 
+def _literal(value: syntax.Expression | None) -> float | None:
+    """The value of a number, also with a minus sign; None for other expressions."""
+    if isinstance(value, syntax.Negate):
+        inner = _literal(value.operand)
+        return None if inner is None else -inner
+    return value.value if isinstance(value, syntax.Number) else None
+
+
 def _check_paths(table: NameTable, numbers: Mapping[str, float], diagnostics: Diagnostics) -> None:
     """Add mistakes for declared paths that are not numbers of the model."""
     for name, entry in table.entries.items():
         if "." in name and (entry.kind not in ("constant", "parameter") or name not in numbers):
             hint = (
                 did_you_mean(name, numbers)
-                or "numbers of the model can be given, or be parameters: `body.NAME.mass`"
+                or "numbers of the model can be given or, where they are not 0, be parameters: `body.NAME.mass`"
             )
             message = f"`{name}` is not a number of the model that can be a {entry.kind}"
             diagnostics.error(message, entry.start, entry.end, hint)

@@ -26,12 +26,12 @@ from stc.language.words import (
     COMPLEMENTS,
     KEYFRAME,
     MAXIMISING,
-    METHODS,
     POSE_WORDS,
     REPLAY_KINDS,
     SECTION_SYNONYMS,
     SECTIONS,
 )
+from stc.trajectory import METHODS
 
 #: Words outside of comments without which nothing is repeated.
 _PERHAPS_REPEATS = re.compile(r"^[^#\n]*\b(?:for|sum)\b", re.MULTILINE)

@@ -62,8 +62,6 @@ SECTION_SYNONYMS = {
 #: What joins two inequalities of which one is an equality.
 COMPLEMENTS = "complements"
 
-METHODS = ("central", "trapezoidal", "hermite-simpson", "stepping")
-
 #: Kinds of line in `replay:` besides `model = "file.xml";`.
 REPLAY_KINDS = ("joint", "actuator", "apply", "contact", "compare", "set")
 

@@ -4,7 +4,8 @@
   second.
 - A weld also holds the relative rotation of two frames: its residual is the axis of the remaining rotation times the
   sine of its angle, in the second frame.  Its rate and acceleration are stated as the differences of the angular
-  velocities and accelerations in the world, which vanish together with the derivatives if the rotation is held.
+  velocities and accelerations in the world, which vanish together with the derivatives if the rotation is held.  Its
+  ``torquescale`` is how stiff it is in rotation against translation, and only 0 matters: then it is a connect.
 - A joint or tendon equality holds a length against a polynomial of another one.
 """
 
@@ -17,7 +18,7 @@ from stc.mechanism.forces import Forces, Transmission, Wrench
 from stc.mechanism.mechanism import Equality
 from stc.mechanism.transmissions import second_rate
 from stc.mechanism.tree import Frame
-from stc.mechanism.vectors import Vector, minus, negative, product, scaled, transposed, vector
+from stc.mechanism.vectors import Matrix, Vector, minus, negative, product, scaled, transposed, vector
 from stc.records import dataclass
 from stc.symbolic.expr import ZERO, Expr, add, mul, num, sub
 
@@ -84,17 +85,22 @@ def _held_together(dynamics: Dynamics, equality: Equality) -> Held:
     places = minus(know.place_of(first), know.place_of(second))
     rates = minus(know.velocity_of(first), know.velocity_of(second))
     accelerations = minus(know.acceleration_of(first), know.acceleration_of(second))
-    if equality.kind == "connect":
+    if equality.kind == "connect" or not equality.data[10]:  # a weld whose ``torquescale`` is 0 turns freely
         return Held(("fx", "fy", "fz"), places, rates, accelerations, (first, second))
     turn = product(transposed(know.axes_of(second)), know.axes_of(first))
-    twist = (sub(turn[2][1], turn[1][2]), sub(turn[0][2], turn[2][0]), sub(turn[1][0], turn[0][1]))
     return Held(
         names=("fx", "fy", "fz", "mx", "my", "mz"),
-        places=(*places, *scaled(num(0.5), twist)),
+        places=(*places, *axis_and_sine(turn)),
         rates=(*rates, *minus(know.rate_of(first), know.rate_of(second))),
         accelerations=(*accelerations, *minus(know.turning_of(first), know.turning_of(second))),
         ends=(first, second),
     )
+
+
+def axis_and_sine(turn: Matrix) -> Vector:
+    """The axis of a rotation times the sine of its angle."""
+    twist = (sub(turn[2][1], turn[1][2]), sub(turn[0][2], turn[2][0]), sub(turn[1][0], turn[0][1]))
+    return scaled(num(0.5), twist)
 
 
 def _ends(dynamics: Dynamics, equality: Equality) -> tuple[Frame, Frame]:

@@ -71,6 +71,7 @@ class Joint:
         qpos, dof: addresses of its first coordinate and of its first velocity.
         axis, anchor: direction and place in the body's frame.
         bounds: of the coordinate where ``limited`` (of a ball: the angle, from 0).
+        margin: the distance from an end of the bounds at which the stop begins to push.
         reference: the coordinates in the pose that the file draws (``qpos0``).
         spring_reference: the coordinates at which its spring is at rest (``qpos_spring``).
         stiffness, stiffness_poly: N/m or N m/rad; the force at a deflection x is -x (k + p0 x + p1 x^2).
@@ -93,6 +94,7 @@ class Joint:
     anchor: Triple
     limited: bool
     bounds: Range
+    margin: float
     reference: tuple[float, ...]
     spring_reference: tuple[float, ...]
     stiffness: float
@@ -192,6 +194,7 @@ class Tendon:
 
     Attributes:
         reference: its length in the pose that the file draws.
+        margin: the distance from an end of the bounds at which its limit begins to pull.
         spring_range: lengths between which its spring is at rest.
         stiffness, stiffness_poly, damping, damping_poly, spring_yield, armature, frictionloss: like a joint's.
         force_limited, force_range: the bound of its actuators' sum.
@@ -203,6 +206,7 @@ class Tendon:
     reference: float
     limited: bool
     bounds: Range
+    margin: float
     spring_range: Range
     stiffness: float
     stiffness_poly: tuple[float, ...]
@@ -376,6 +380,13 @@ class Mechanism:
     def start(self) -> tuple[float, ...]:
         """The coordinates in the pose of the file."""
         return tuple([value for joint in self.joints for value in joint.reference])
+
+    def welded_to_mocap(self, equality: Equality) -> bool:
+        """Whether a constraint welds a body to a mocap body, which stays where it is until a program moves it."""
+        ends = (equality.first, equality.second)
+        return (equality.kind, equality.between) == ("weld", "body") and any(
+            self.bodies[body].mocap for body in ends
+        )
 
     def below(self, body: int) -> list[int]:
         """A body and all its descendants, in ascending order."""

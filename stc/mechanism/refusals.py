@@ -98,9 +98,7 @@ def without(mechanism: Mechanism, kinds: Iterable[str]) -> Mechanism:
         geoms = tuple([replace(geom, surface_velocity=(0.0,) * 6) for geom in geoms])
     if "fluid" in left:
         options = replace(options, density=0.0, viscosity=0.0)
-    equalities = [
-        each for each in mechanism.equalities if "equalities" not in left or each.kind in _EQUALITIES
-    ]
+    equalities = [each for each in mechanism.equalities if _word_of(each) not in left]
     return replace(
         mechanism,
         joints=joints,

@@ -17,12 +17,12 @@ path                                           what it is
 ``site.NAME.pos.x`` (``.y``, ``.z``), ``geom``  place in the body's frame, m
 ``geom.NAME.friction.slide`` (``.spin``,       friction coefficients
 ``.roll``)
-``actuator.NAME.gear``                         the first number of its gear
+``actuator.NAME.gear``                         its gear, if that is one number
 =============================================  ================================================================
 
 A mass does not scale an inertia.  Some positions cannot be set, because MuJoCo derives other numbers from them: those
-of bodies in a model with a connect of bodies, whose anchor is that in the file; those of bodies and sites in a model
-with an equality between spatial tendons.
+of bodies in a model with a connect of bodies, whose anchor is that in the file, or with a weld of bodies that holds
+them as the file draws them; those of bodies and sites in a model with an equality between spatial tendons.
 """
 
 from __future__ import annotations
@@ -71,7 +71,9 @@ def _followed(mechanism: Mechanism) -> set[tuple[str, str]]:
     """Kinds and fields from which other numbers of the model are derived."""
     found = set()
     for equality in mechanism.equalities:
-        if equality.kind == "connect" and equality.between == "body":
+        # The last number of a weld says whether MuJoCo derives how its two bodies are to lie.
+        derived = equality.kind == "connect" or (equality.kind == "weld" and equality.data[11])
+        if derived and equality.between == "body":
             found.add(("body", "pos"))
         if equality.kind == "tendon":
             ends = [mechanism.tendons[index] for index in (equality.first, equality.second) if index >= 0]
@@ -96,7 +98,8 @@ def _all(mechanism: Mechanism) -> dict[Path, float]:
             low, high = joint.bounds if joint.limited else (-_NO_END, _NO_END)
             found["joint", joint.name, "lower"], found["joint", joint.name, "upper"] = low, high
     for actuator in mechanism.actuators:
-        found["actuator", actuator.name, "gear"] = actuator.gear[0]
+        if not any(actuator.gear[1:]):
+            found["actuator", actuator.name, "gear"] = actuator.gear[0]
     return found
 
 

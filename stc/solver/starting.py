@@ -16,7 +16,7 @@ __all__ = ["WARM_BARRIER", "active_iterate", "cold_iterate", "least_squares_mult
 
 PUSH = 1e-2
 WARM_PUSH = 1e-3
-WARM_BARRIER = 1e-5
+WARM_BARRIER = 1e-4
 ACTIVE_BARRIER = 1e-12
 """With such a product, very near to its bound, what is active is as good as held, and what is not as good as free."""
 

@@ -33,7 +33,7 @@ def solve_finer(
 
     A coarse optimum may be an artefact of its grid, and far from any optimum of the fine grid.  The grid error shows
     this: if it is very large, the solve starts from the first start; if it is gross, from both, and the better one
-        counts.
+    counts.
 
     Args:
         solve: see :meth:`stc.pipeline.Model.solve`.

@@ -9,7 +9,9 @@ the named frames, their times, and the weights of the objective are compared.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -28,7 +30,7 @@ from stc.same_motion import (
     takes_longer,
 )
 
-__all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for"]
+__all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for", "in_shares"]
 
 FloatArray = NDArray[np.float64]
 
@@ -39,6 +41,36 @@ LOWEST_ORDER = 0.7
 
 MOST_AT_ONCE = 8
 """Largest factor by which the frames of a phase increase from one solve to the next."""
+
+
+def in_shares(model: Model, method: str | None = None, **constants: float) -> Model:
+    """A spec with its plain frame numbers as shares of n: ``[25]`` is written ``[25*n/60]`` where n is 60.
+
+    With another n it states the same motion; as it was written it would not.  The frame 1, which stays beside the
+    first one, is kept.
+
+    Args:
+        model, method, constants: the spec, and what it is going to be solved with.
+
+    Returns:
+        The same model if there is nothing to change.
+
+    Raises:
+        SpecError, UsageError: mistakes in the spec.
+    """
+    problem, text = model.problem(method, **constants), model.source.written
+    edits: dict[int, str] = {}
+    for one in problem.named:
+        start, end = one.span.source.place(one.span.start, one.span.end)
+        for part in re.finditer(r"[^\[\],]+", text[start:end]):
+            if one.frame > BESIDE and part[0].strip() == str(one.frame):
+                edits[start + part.start() + part[0].index(str(one.frame))] = str(one.frame)
+    for begin in sorted(edits, reverse=True):
+        end = begin + len(edits[begin])
+        text = f"{text[:begin]}{edits[begin]}*n/{problem.n}{text[end:]}"
+    if not edits:
+        return model
+    return Model(replace(model.source, text=text, origins=None, _line_starts=None), model.overrides)
 
 
 @dataclass(slots=True)

@@ -66,9 +66,10 @@ def compare_rows(
         for kind in ("joint", "actuator", "set", "apply", "contact")
     }
     outer = [*lines["apply"], *lines["contact"]]
+    fields = {c.path: float(evaluate(c.body, numbers)) for c in lines["set"]}
     model = StateEquations(
         path,
-        {c.path: float(evaluate(c.body, numbers)) for c in lines["set"]},
+        {c.path: fields[c.path] for c in lines["set"] if fields[c.path] != c.usual},
         [(c.kind, c.path) for c in outer],
         problem.additions,
     )
@@ -255,9 +256,9 @@ class _Rows:
             yield Term(PRODUCT, f"velocity product {dofs[i]}'*{dofs[j]}'"), parts
         for key, (part, index) in self.places.items():
             if part in "uz":
-                yield Term(FORCE, f"force of {key}"), [(((part, index, 1.0),), 1.0), (rest, -1.0)]
+                yield Term(FORCE, f"force of {key}"), [(((part, index, 1.0),), -1.0), (rest, 1.0)]
         for index, key in enumerate(self.outer):
-            yield Term(FORCE, f"force of {key}"), [((("f", index, 1.0),), 1.0), (rest, -1.0)]
+            yield Term(FORCE, f"force of {key}"), [((("f", index, 1.0),), -1.0), (rest, 1.0)]
 
 
 __all__ = ["compare_rows"]

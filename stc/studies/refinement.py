@@ -23,7 +23,7 @@ from stc.studies.discretisation import Estimate, estimate
 from stc.studies.doubled import FROM_COARSER
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import SAME, solve_finer
-from stc.studies.frames import ORDER, Spread, growth_for, observed_order
+from stc.studies.frames import ORDER, Spread, growth_for, in_shares, observed_order
 from stc.studies.grid_error import GROSS, NO_GUESS, local_grid_error
 
 __all__ = ["Level", "Refinement", "refine"]
@@ -206,7 +206,9 @@ def refine(
     error, most_frames = number(error, "the error of a refinement"), whole(most_frames, "most_frames")
     if not error > 0:
         raise UsageError(f"the tolerance of a refinement must be positive, not {error:g}")
-    solve = solve or model.solve
+    if solve is None:
+        model = in_shares(model, options.get("method"), **options.get("constants", {}))
+        solve = model.solve
     constants = dict(options.pop("constants", {}))
     clock = Clock(options.pop("time_limit", None))
     method = options.get("method")

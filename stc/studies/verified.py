@@ -26,7 +26,7 @@ from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
-from stc.studies.frames import Spread, growth_for, observed_order
+from stc.studies.frames import Spread, growth_for, in_shares, observed_order
 from stc.validate import limits
 from stc.validate.certificate.causes import beyond_limits
 from stc.validate.inverse import inverse_dynamics
@@ -180,7 +180,9 @@ def solve_until_verified(
     drift, most_frames = number(drift, "the drift"), whole(most_frames, "most_frames")
     if not drift > 0:
         raise UsageError(f"the tolerance for the drift must be positive, not {drift:g}")
-    solve = solve or model.solve
+    if solve is None:
+        model = in_shares(model, options.get("method"), **options.get("constants", {}))
+        solve = model.solve
     constants = dict(options.pop("constants", {}))
     clock = Clock(options.pop("time_limit", None))
     if options.get("tolerance") is None:

@@ -90,26 +90,3 @@ def mentioning(exprs: Sequence[Expr], wanted: Callable[[Hashable], bool]) -> lis
 def is_linear(e: Expr, keys: Iterable[Hashable]) -> bool:
     """Whether ``e`` is affine in the symbols with the given keys; others may be their factors."""
     return degree(e, keys) <= LINEAR
-
-
-def is_quadratic(e: Expr, keys: Iterable[Hashable]) -> bool:
-    """Whether ``e`` is a polynomial of degree 2 at most in the symbols with the given keys, jointly."""
-    return degree(e, keys) <= QUADRATIC
-
-
-def dependencies(exprs: Sequence[Expr], keys: Sequence[Hashable]) -> list[list[int]]:
-    """Per expression, the positions in ``keys`` of the symbols that occur in it, ascending.
-
-    A superset of the nonzero columns of the Jacobian, found without differentiating.
-    """
-    bit = {key: 1 << position for position, key in enumerate(keys)}
-    mask: dict[Expr, int] = {}
-    for node in reachable(exprs):
-        if node.op == "sym":
-            mask[node] = bit.get(node.payload, 0)
-        else:
-            joined = 0
-            for arg in node.args:
-                joined |= mask[arg]
-            mask[node] = joined
-    return [[position for position in range(len(keys)) if mask[e] >> position & 1] for e in exprs]

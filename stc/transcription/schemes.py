@@ -26,8 +26,6 @@ from stc.problem import VariableRef
 from stc.symbolic.expr import ONE, ZERO, Expr, num, sum_of, sym
 from stc.transcription.grid import AFTER, BEFORE, Grid, IntArray, Nodes
 
-METHODS = ("central", "trapezoidal", "hermite-simpson", "stepping")
-
 HALF = Fraction(1, 2)
 
 

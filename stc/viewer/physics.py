@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stc.records import dataclass
-from stc.validate import limits
-from stc.validate.replay import integrator_for, replay, time_step_for
+from stc.validate.replay import replay, stepping_for
 from stc.validate.verdict import steering
 
 if TYPE_CHECKING:
@@ -161,8 +160,7 @@ class Recording:
                 self.error = "the motion cannot be tracked: no actuator moves a single joint"
                 return
             feedback, self.law = laws[0], laws[0].kind
-        step = time_step_for(self._setup, limits.TIME_STEP)
-        integrator = integrator_for(self._setup, step)
+        step, _, integrator = stepping_for(self._setup)
         done = replay(self._setup, step, integrator, feedback=feedback, watcher=self._keep)
         self.broke_at = done.broke_at
 

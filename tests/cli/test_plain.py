@@ -48,7 +48,9 @@ def meant(arguments: dict[str, Any]) -> dict[str, Any]:
     """All arguments of the command, with what is not given as it is by default."""
     known = {**inspect.signature(search_options).parameters, **inspect.signature(solve_options).parameters}
     defaults = {name: each.default for name, each in known.items() if each.kind != each.VAR_KEYWORD}
-    assert defaults.pop("until") is None  # which belongs to `stc run`
+    assert (
+        defaults.pop("until") is None and defaults.pop("until_passed") is False
+    )  # which belong to `stc run`
     return {**defaults, "json": False, **arguments}
 
 

@@ -96,11 +96,11 @@ def test_refining_ends_below_the_tolerance_or_says_why_not(stc_: Stc) -> None:
 
     path = specs.locate("cart_pole_swing_up")
     assert path is not None
-    Path("fixed.stc").write_text(path.read_text().replace("  [0]: x; a;", "  [7]: x <= 2; [0]: x; a;"))
+    Path("fixed.stc").write_text(path.read_text().replace("  [0]: x; a;", "  [n - 7]: x <= 2; [0]: x; a;"))
     status, out, err = stc_("solve", "fixed.stc", "--refine", "1e-5")
     assert status == 1
     assert "note: --refine 1e-05 was not reached: the error is" in err
-    assert "frame 7 of 50 would be frame 7 of" in err and "fixed.stc:" in err
+    assert "frame 43 of 50 would be frame " in err and "fixed.stc:" in err
     assert stc.read("fixed.npz").status == "optimal"
 
 
@@ -188,3 +188,20 @@ def test_a_motion_is_run_until_it_is_verified(stc_: Stc) -> None:
     assert "\npassed: " in out
     assert err.rstrip().endswith("note: the motion passed, but the search did not reach its goal")
     assert stc_("run", "wrong.stc", "--until-verified", "-1")[0] == 2
+
+
+@pytest.mark.slow
+def test_a_motion_is_run_until_it_passes(stc_: Stc) -> None:
+    path = specs.locate("arm_reach")
+    assert path is not None
+    text = path.read_text().replace("n = 60", "n = 16").replace("[n]:", "[16]:")
+    Path("reach.stc").write_text(text)
+    status, out, _ = stc_("run", "reach.stc", "--until-passed")
+    assert status == 0 and "\npassed: " in out
+    assert [row[0] for row in rows(out)] == ["n", "16", "32"]
+    # The file states the frames as shares, and is up to date nevertheless, until the spec is changed.
+    assert stc_("validate", "reach.npz")[0] == 0
+    Path("reach.stc").write_text(text.replace("[16]:", "[15]:"))
+    status, out, err = stc_("validate", "reach.npz")
+    assert status == 1 and "has changed since" in out + err
+    assert stc_("run", "reach.stc", "--until-passed", "--refine", "1e-3")[0] == 2

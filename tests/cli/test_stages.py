@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.cli.picture import picture
+from stc.cli.sparsity import picture
 from stc.cli.stages import STAGES, find
 from stc.errors import UsageError
 

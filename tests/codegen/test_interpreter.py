@@ -9,9 +9,9 @@ from stc.codegen import engine, kernel
 from stc.codegen.interpreter import CHUNK, assemble
 from stc.codegen.kernel import LANES, Backend, compile_tapes
 from stc.codegen.runs import Runs
-from stc.codegen.tape import LOOKUPS, OPERATORS, Tape, build_tape
+from stc.codegen.tape import LOOKUPS, Tape, build_tape
 from stc.core.library import library
-from stc.symbolic.expr import add, call, mul, num, sym
+from stc.symbolic.expr import ARITY, add, call, mul, num, sym
 
 pytestmark = pytest.mark.skipif(not engine.llvm_wanted(), reason="needs LLVM")
 
@@ -24,14 +24,14 @@ def tapes(draw: st.DrawFn) -> Tape:
     constants = draw(st.lists(st.floats(-3.0, 3.0), max_size=3))
     first = UNIFORM + VARYING + len(constants)
     ops: list[tuple[str, int, int]] = []
-    names = st.sampled_from(("add", "sub", "mul", "mul", "add", "sub", *OPERATORS))
+    names = st.sampled_from(("add", "sub", "mul", "mul", "add", "sub", *ARITY))
     uniform_slots = [*range(UNIFORM), *range(UNIFORM + VARYING, first)]
     once = draw(st.integers(0, 4))
     for number in range(once + draw(st.integers(0, 40))):
         op = draw(names)
         slots = uniform_slots if number < once else [*range(first), *range(first, first + number)]
         a = draw(st.sampled_from(slots))
-        b = draw(st.sampled_from(slots)) if OPERATORS[op] == 2 else -1
+        b = draw(st.sampled_from(slots)) if ARITY[op] == 2 else -1
         if number < once:
             uniform_slots.append(first + number)
         ops.append((op, a, b))
@@ -56,7 +56,7 @@ def _both(tape: Tape, runs: Runs, blocks: int, seed: int, kept: int = 0) -> tupl
 
 
 def test_every_operator_is_an_instruction() -> None:
-    assert {*OPERATORS, *LOOKUPS} <= set(library().tape_instructions().decode().split())
+    assert {*ARITY, *LOOKUPS} <= set(library().tape_instructions().decode().split())
 
 
 @settings(max_examples=60, deadline=None)

@@ -18,10 +18,11 @@ from stc.arrays import aligned_zeros
 from stc.codegen import engine
 from stc.codegen.kernel import LANES, KernelSet, compile_tapes, effort
 from stc.codegen.runs import RUN
-from stc.codegen.tape import OPERATORS, Tape, build_tape
+from stc.codegen.tape import Tape, build_tape
 from stc.core.calls import Bound, chain, chain_until
 from stc.core.functions import function
 from stc.symbolic import expr
+from stc.symbolic.expr import ARITY
 
 Array = NDArray[np.float64]
 
@@ -75,20 +76,20 @@ def tapes(draw: st.DrawFn) -> Tape:
     constants = draw(st.lists(finite, max_size=3))
     ops: list[tuple[str, int, int]] = []
     flags: list[bool] = []
-    names = st.sampled_from(sorted(OPERATORS))
+    names = st.sampled_from(sorted(ARITY))
     literals = range(n_uniform + n_varying, n_uniform + n_varying + len(constants))
     first = n_uniform + n_varying + len(constants)
     uniform_slots = [*range(n_uniform), *literals]
     for _ in range(draw(st.integers(0, 6)) if uniform_slots else 0):
         name = draw(names)
-        operands = [draw(st.sampled_from(uniform_slots)) for _ in range(OPERATORS[name])]
+        operands = [draw(st.sampled_from(uniform_slots)) for _ in range(ARITY[name])]
         uniform_slots.append(first + len(ops))
         ops.append((name, operands[0], operands[1] if len(operands) == 2 else -1))
         flags.append(True)
     varying_slots = list(range(n_uniform, n_uniform + n_varying))
     for _ in range(draw(st.integers(0, 25))):
         name = draw(names)
-        operands = [draw(st.sampled_from(uniform_slots + varying_slots)) for _ in range(OPERATORS[name])]
+        operands = [draw(st.sampled_from(uniform_slots + varying_slots)) for _ in range(ARITY[name])]
         operands[draw(st.integers(0, len(operands) - 1))] = draw(st.sampled_from(varying_slots))
         varying_slots.append(first + len(ops))
         ops.append((name, operands[0], operands[1] if len(operands) == 2 else -1))
@@ -136,7 +137,7 @@ def polynomial_mess(seed: int, length: int) -> Tape:
         ]
         near, far = rng.integers(max(0, first + k - 12), first + k), rng.integers(0, first + k)
         operand = int(near) if int(near) >= first + 2 else n_uniform
-        ops.append((name, operand, int(far) if OPERATORS[name] == 2 else -1))
+        ops.append((name, operand, int(far) if ARITY[name] == 2 else -1))
         if name == "mul":  # keep the numbers small
             ops[-1] = ("mul", operand, int(rng.integers(0, first)))
     outputs = [int(slot) for slot in rng.integers(0, first + length, 40)]
@@ -167,13 +168,13 @@ def test_long_kernels_are_compiled_with_less_effort(monkeypatch: pytest.MonkeyPa
         np.testing.assert_allclose(setting.out[good], expected[good], rtol=1e-8)
 
 
-@pytest.mark.parametrize("name", sorted(OPERATORS))
+@pytest.mark.parametrize("name", sorted(ARITY))
 @pytest.mark.parametrize("short", [False, True])
 @pytest.mark.parametrize("uniform", [False, True])
 def test_every_operator(name: str, uniform: bool, short: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if not short:  # as in long kernels, without optimisation
         monkeypatch.setattr("stc.codegen.kernel._LONG", 0)
-    arity = OPERATORS[name]
+    arity = ARITY[name]
     if uniform:  # the operation runs once
         tape = Tape(2, 1, [], [(name, 0, 1 if arity == 2 else -1), ("add", 3, 2)], [3, 4], [True, False])
     else:

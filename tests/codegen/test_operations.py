@@ -10,10 +10,11 @@ from stc.arrays import aligned_zeros
 from stc.codegen import engine
 from stc.codegen.kernel import LANES, compile_tapes
 from stc.codegen.runs import RUN
-from stc.codegen.tape import OPERATORS, Tape, build_tape
+from stc.codegen.tape import Tape, build_tape
 from stc.symbolic import expr
+from stc.symbolic.expr import ARITY
 
-FUNCTIONS = sorted(set(OPERATORS) - {"add", "sub", "mul", "div", "neg", "sqrt"})
+FUNCTIONS = sorted(set(ARITY) - {"add", "sub", "mul", "div", "neg", "sqrt"})
 
 
 def busy_tape() -> Tape:
@@ -26,7 +27,7 @@ def busy_tape() -> Tape:
             first = values[round_] * 0.3
             if name == "pow":
                 first = 1.0 + first * first
-            arguments = [first, values[-1]] if OPERATORS[name] == 2 else [first]
+            arguments = [first, values[-1]] if ARITY[name] == 2 else [first]
             if name == "log":
                 arguments = [1.5 + first]
             result = expr.pow_(*arguments) if name == "pow" else expr.call(name, *arguments)

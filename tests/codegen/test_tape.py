@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from symbolic.random_expressions import NAMES, expressions, points, simplified
 from tape_reference import count_ops
 
-from stc.codegen.tape import OPERATORS, Tape, build_tape
+from stc.codegen.tape import Tape, build_tape
 from stc.symbolic.differentiate import gradient, hessian, jacobian
-from stc.symbolic.expr import Expr, call, evaluate_all, num, raw, reachable, sum_of, sym
+from stc.symbolic.expr import ARITY, Expr, call, evaluate_all, num, raw, reachable, sum_of, sym
 
 X, Y, C = sym("x"), sym("y"), sym("c")
 
@@ -29,7 +29,7 @@ def check_form(tape: Tape) -> None:
     uniform = [True] * tape.n_uniform + [False] * tape.n_varying + [True] * len(tape.constants)
     read = set(tape.outputs)
     for number, (op, a, b) in enumerate(tape.ops):
-        assert (b >= 0) == (OPERATORS[op] == 2)
+        assert (b >= 0) == (ARITY[op] == 2)
         assert 0 <= a < tape.first_op + number
         assert b < tape.first_op + number
         uniform.append(uniform[a] and (b < 0 or uniform[b]))

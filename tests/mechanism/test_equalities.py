@@ -17,6 +17,7 @@ MODELS = {
     "connect to the world": '<connect body1="b3" anchor=".1 .2 .3"/>',
     "connect of sites": '<connect site1="s3" site2="s0"/>',
     "weld": '<weld body1="b3" body2="b1" relpose=".1 .2 .3 .5 .5 -.5 .5" anchor=".1 0 .2"/>',
+    "weld that turns": '<weld body1="b3" body2="b1" relpose=".1 .2 .3 .5 .5 -.5 .5" torquescale="0"/>',
     "weld of sites": '<weld site1="s3" site2="s1"/>',
     "joints": '<joint joint1="a" joint2="s" polycoef=".1 .2 .3 .4 .5"/>',
     "one joint": '<joint joint1="a" polycoef=".1"/>',
@@ -58,6 +59,8 @@ def test_places_rates_and_forces(name: str) -> None:
 
     def ask(m: mujoco.MjModel, d: mujoco.MjData) -> np.ndarray:
         places, jacobian = efc(m, d)
+        assert not jacobian[n:].any()
+        jacobian = jacobian[:n]
         jacobian[3:] = _turning(m, d, both)[: n - 3] if n > 3 else jacobian[3:]
         return np.concatenate([places[:count], jacobian @ d.qvel, jacobian.T @ forces])
 

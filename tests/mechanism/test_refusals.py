@@ -148,3 +148,11 @@ def test_what_is_off_is_not_refused() -> None:
         options='<option actuatorgroupdisable="3"/>',
     )
     assert refusals(read_model("robot.xml", text=text)) == []
+
+
+def test_constraints_of_flexes_are_left_out_with_them() -> None:
+    grid = 'name="cloth" type="grid" dim="2" count="3 3 1" spacing=".1 .1 .1"'
+    text = model(world=f'<flexcomp {grid}><edge equality="true"/></flexcomp>')
+    read = read_model("<text>", text=text)
+    assert [each.active for each in read.equalities] == [True]
+    assert without(read, ["flexes"]).equalities == ()

@@ -255,3 +255,33 @@ def test_macros_are_told_of() -> None:
         read_model("limb.urdf", text=text)
     commented = LIMB.replace("</robot>", "<!-- <xacro:leg/> --></robot>")
     assert len(read_model("limb.urdf", text=commented).joints) == 4
+
+
+#: A root with a name of its own, in which a trunk floats, and a leg whose file states its mass only.
+_LOOSE = f"""<robot name="loose"><link name="footprint"/>
+  <link name="trunk">{_INERTIAL.format(mass=4)}</link>{_joint("base", "footprint", "trunk", kind="floating")}
+  <link name="leg"><inertial><origin xyz=".1 0 0"/><mass value="3"/>
+    <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><mesh filename="look.obj"/></geometry></visual>
+    <collision><geometry><sphere radius="0"/></geometry></collision>
+    <collision><origin xyz="0 .3 0"/><geometry><box size=".1 .2 .4"/></geometry></collision></link>
+  {_joint("hip", "trunk", "leg", kind="continuous")}</robot>"""
+
+
+@pytest.mark.nightly
+def test_a_urdf_that_other_programs_take_as_it_is(tmp_path: Path) -> None:
+    """A root that is not called world, an inertia of zeros, a shape without size, a mesh that is none."""
+    (tmp_path / "robot.urdf").write_text(_LOOSE, encoding="utf-8")
+    (tmp_path / "look.obj").write_text("v 0 0 0\nf 1 2 3\n", encoding="utf-8")
+    both = Compared(tmp_path / "robot.urdf", 20)
+    assert relative_error(both.values(both.dynamics.inverse()), both.in_mujoco(inverse)) < 1e-9
+    root, hip = both.mechanism.joints
+    assert (root.name, root.kind, hip.kind) == ("base", "free", "hinge")
+    leg = both.mechanism.bodies[hip.body]
+    assert leg.mass == 3.0
+    assert leg.com == pytest.approx((0.1, 0.0, 0.0))
+    sides = np.array([0.1, 0.2, 0.4])
+    assert sorted(leg.inertia) == pytest.approx(sorted(3.0 / 12.0 * (sides @ sides - sides**2)))
+    told = "; ".join(both.mechanism.changes)
+    assert 'the link "leg" has a mass and no inertia: it gets that of its shapes' in told
+    assert 'a shape of the link "leg" has no size' in told

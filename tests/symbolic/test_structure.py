@@ -1,19 +1,16 @@
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from symbolic.random_expressions import NAMES, expressions, simplified
 
 from stc.symbolic.differentiate import hessian, jacobian
-from stc.symbolic.expr import ZERO, Expr, call, num, raw, render, sym, symbols
+from stc.symbolic.expr import Expr, call, num, raw, render, sym, symbols
 from stc.symbolic.structure import (
     degree,
     degrees,
-    dependencies,
     is_linear,
-    is_quadratic,
     mentioning,
     mentions,
 )
@@ -52,7 +49,6 @@ KEYS = ["x", "y"]
 def test_degree(e: Expr, expected: int) -> None:
     assert degree(e, KEYS) == expected
     assert is_linear(e, KEYS) == (expected <= 1)
-    assert is_quadratic(e, KEYS) == (expected <= 2)
 
 
 def test_degree_is_in_the_named_symbols_only() -> None:
@@ -71,22 +67,6 @@ def test_degree_is_never_too_low(unsimplified: Expr) -> None:
         assert not any(symbols(entry) for entry in second.values())
     if bound == 0:
         assert jacobian([e], NAMES) == {}
-
-
-@settings(max_examples=200)
-@given(expressions())
-def test_dependencies_contain_the_jacobian(unsimplified: Expr) -> None:
-    e = simplified(unsimplified)
-    (columns,) = dependencies([e], NAMES)
-    assert {col for _, col in jacobian([e], NAMES)} <= set(columns)
-    assert columns == sorted(NAMES.index(key) for key in symbols(e))
-
-
-def test_dependencies_of_several_rows() -> None:
-    assert dependencies([X * Y, Y, C, ZERO], KEYS) == [[0, 1], [1], [], []]
-    many = [sym(k) for k in range(200)]
-    total = sum(many[1:], many[0])
-    assert dependencies([total], range(200)) == [list(np.arange(200))]
 
 
 @given(expressions())

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from stc.validate.dry_friction import DryFriction
+from stc.validate.equalities import Equalities
 
 ARM = """<mujoco><option timestep="{timestep}"/><worldbody><body><joint name="hip" axis="0 1 0" frictionloss="0.3"
   solreffriction="{solref}" solimpfriction="0.8 0.97 0.001 0.5 2"/>
@@ -52,3 +53,19 @@ def test_rounded_corners_are_friction_but_not_much_less_than_the_bound() -> None
         assert not dry.without(force, velocity, still).any()
         if pull > 2.0:
             assert dry.without(0.97 * force, velocity, still).all()
+
+
+def test_friction_of_joints_that_an_equality_couples_is_seen_through_it() -> None:
+    """Two sliders move alike: of a force between them nothing is left, of a friction on one a half on each."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="a" type="slide" frictionloss="0.3"/><geom size=".1" mass="1"/></body>
+        <body><joint name="b" type="slide"/><geom size=".1" mass="1"/></body></worldbody>
+        <equality><joint joint1="a" joint2="b"/></equality></mujoco>"""
+    )
+    dry, ties, at = DryFriction(model), Equalities(model), np.zeros(2)
+    moving, steady = np.array([1.0, 1.0]), np.zeros(2)
+    passed = ties.without(at, np.eye(2))
+    left = dry.without(ties.without(at, np.array([-0.3 + 7.0, -7.0])), moving, steady, passed)
+    assert left == pytest.approx(0.0, abs=1e-12)
+    left = dry.without(ties.without(at, np.array([-0.4, 0.0])), moving, steady, passed)
+    assert left == pytest.approx(-0.05)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stc
+from stc.certification import certify
 from stc.validate import Report, validate
 from stc.validate.contact import contact_metrics
 from stc.validate.linearisation import growth, linearise
@@ -20,13 +21,13 @@ MASS, HEIGHT, RADIUS, INERTIA, GRAVITY = 2.0, 0.5, 0.05, 0.03, 9.81
 
 #: A rod that stands on a ball, its centre of mass so high above the ball's middle.
 ROD_MODEL = f"""<mujoco><option timestep="2e-4" gravity="0 0 -{GRAVITY}" cone="elliptic" impratio="100"/><worldbody>
-  <geom type="plane" size="0 0 0.1" solref="0.001 1" friction="1"/>
+  <geom type="plane" size="0 0 0.1" solref="0.001 1" friction="1" margin="{{margin}}"/>
   <body name="rod" pos="0 0 {RADIUS}">
     <inertial pos="0 0 {HEIGHT}" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>
     <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
     <joint name="pitch" type="hinge" axis="0 1 0"/>
-    <geom name="ball" type="sphere" size="{RADIUS}" solref="0.001 1" friction="1"/>{{more}}</body></worldbody>
-  {{motors}}</mujoco>"""
+    <geom name="ball" type="sphere" size="{{size}}" solref="0.001 1" friction="1" margin="{{margin}}"/>
+    {{more}}</body></worldbody>{{motors}}</mujoco>"""
 
 ROD = """
 constants: n = 20, h = {duration}/n;
@@ -48,9 +49,12 @@ WHEEL_BODY = (
 )
 
 
-def rod(folder: Path, wheel: bool = False, duration: float = 0.5) -> Setup:
+def rod(folder: Path, wheel: bool = False, duration: float = 0.5, margin: float = 0.0) -> Setup:
+    """The margins of the floor and of the ball add up to how much smaller the ball is."""
     (folder / "rod.xml").write_text(
         ROD_MODEL.format(
+            size=RADIUS - 2.0 * margin,
+            margin=margin,
             more=WHEEL_BODY if wheel else "",
             motors='<actuator><motor name="m" joint="spin" gear="100"/></actuator>' if wheel else "",
         )
@@ -67,9 +71,10 @@ def rod(folder: Path, wheel: bool = False, duration: float = 0.5) -> Setup:
     return open_setup(stc.load(folder / "rod.stc").solve())
 
 
-def test_what_stands_falls_about_the_point_that_holds_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("margin", [0.0, 1e-3])
+def test_what_stands_falls_about_the_point_that_holds_it(tmp_path: Path, margin: float) -> None:
     """On a ball that rolls: (I + m (r + L)^2) p'' = m g L p; under a force that stays upright: I p'' = m g L p."""
-    setup = rod(tmp_path)
+    setup = rod(tmp_path, margin=margin)
     pitch = np.array([2])
     for held, inertia in ((True, INERTIA + MASS * (RADIUS + HEIGHT) ** 2), (False, INERTIA)):
         rate = np.sqrt(MASS * GRAVITY * HEIGHT / inertia)
@@ -139,6 +144,17 @@ def test_a_grip_holds_until_it_is_let_go(tmp_path: Path) -> None:
     assert report.passed, [m for m in report.metrics if m.verdict == "fail"]
     assert largest(report, "open-loop drift, largest") < 1e-3  # of a fall of 0.2 m
     assert largest(report, "contact force, MuJoCo's against solved, median") < 1e-3
+
+
+def test_a_missing_grip_is_told_once_and_a_soft_one_is_seen(tmp_path: Path) -> None:
+    hanging(tmp_path, "")
+    told = certify(stc.load(tmp_path / "hanging.stc").solve()).next_steps
+    assert sum('<connect site1="..." site2="..." active="false"/>' in step for step in told) == 1
+    hanging(tmp_path, GRIP.replace('solref="0.001 1"', 'solref="0.1 1"'))
+    told = certify(stc.load(tmp_path / "hanging.stc").solve()).next_steps
+    assert told
+    assert not any("nothing touches" in step for step in told)
+    assert any("equality constraints stiffer" in step for step in told)
 
 
 def test_what_nothing_grips_falls(tmp_path: Path) -> None:

@@ -250,3 +250,30 @@ def test_rest_without_any_force_has_no_residual(tmp_path: Path) -> None:
         solution = solution_of("trapezoidal", time, q, lines, "spinner.xml", directory=str(tmp_path))
         shares = values(validate(solution), "inverse-dynamics residual")
         assert (max(shares) < 1e-9) == passes
+
+
+@pytest.mark.parametrize(("torque", "rests"), [(1e-6, True), (4e-6, False)])
+def test_where_nothing_pushes_each_joint_rests_by_its_own_inertia(
+    tmp_path: Path, torque: float, rests: bool
+) -> None:
+    """A light wheel beside a heavy sledge, without weight; a torque that turns it by 5e-7 or 2e-6 rad in 1 s."""
+    (tmp_path / "still.xml").write_text("""<mujoco><option gravity="0 0 0"/><worldbody>
+      <body name="sledge"><joint name="x" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="5"
+        diaginertia="1 1 1"/></body>
+      <body name="wheel"><joint name="q" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1e-5 1e-5 1e-5"/>
+      </body></worldbody><actuator><motor name="turn" joint="q"/></actuator></mujoco>""")
+    time = np.linspace(0.0, 1.0, 5)
+    still = nodes("hermite-simpson", time, lambda t: 0.0 * t)
+    lines = [
+        ReplayChannel("joint", ("x",), still, still, still),
+        ReplayChannel("joint", ("q",), still, still, still),
+        ReplayChannel(
+            "actuator", ("turn",), nodes("hermite-simpson", time, lambda t: 0.0 * t + 1e-5 * torque)
+        ),
+    ]
+    found = {(name, k): still for name in ("x", "q") for k in range(3)}
+    report = validate(
+        solution_of("hermite-simpson", time, found, lines, "still.xml", directory=str(tmp_path))
+    )
+    residuals = [metric for metric in report.metrics if metric.name == "inverse-dynamics residual"]
+    assert [metric.verdict for metric in residuals] == ["pass", "pass" if rests else "fail"]

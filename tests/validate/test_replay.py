@@ -15,7 +15,8 @@ from stc.errors import UsageError
 from stc.solution import Solution
 from stc.trajectory import Channel, FloatArray
 from stc.validate import validate
-from stc.validate.replay import integrator_for, time_step_for
+from stc.validate.replay import stepping_for
+from stc.validate.robustness import robustness
 from stc.validate.setup import prepare
 
 
@@ -210,16 +211,26 @@ def test_a_joint_that_a_damper_stops_at_once_is_simulated_in_short_steps(tmp_pat
     assert report.passed
     assert report.time_step <= 3.5e-6 / 0.02
     setup = prepare(solution)
-    assert time_step_for(setup, 1e-3) == pytest.approx(3.5e-6 / 0.02, rel=1e-6)
-    assert time_step_for(setup, 1e-5) == 1e-5
-    assert integrator_for(setup, time_step_for(setup, 1e-3)) == "rk4"
+    assert stepping_for(setup, 1e-3).time_step == pytest.approx(3.5e-6 / 0.02, rel=1e-6)
+    assert stepping_for(setup, 1e-5) == (1e-5, 1e-5, "rk4")
+    assert stepping_for(setup, 1e-3).integrator == "rk4"
     setup.compiled.dof_damping[:] = 20.0
-    assert time_step_for(setup, 1e-3) == 1e-3 / 64
-    assert integrator_for(setup, 1e-3 / 64) == "implicitfast"
-    assert integrator_for(setup, 1e-3 / 64, "euler") == "euler"
+    assert stepping_for(setup, 1e-3) == (1e-3 / 64, 1e-3 / 64, "implicitfast")
+    assert stepping_for(setup, 1e-3, "euler").integrator == "euler"
     setup.compiled.dof_damping[:] = 0.0
-    assert time_step_for(setup, 1e-3) == 1e-3
+    assert stepping_for(setup, 1e-3).time_step == 1e-3
     # A servo damps as well.
     setup.compiled.actuator_biastype[:] = mujoco.mjtBias.mjBIAS_AFFINE
     setup.compiled.actuator_biasprm[:, 2] = -0.02
-    assert time_step_for(setup, 1e-3) == pytest.approx(3.5e-6 / 0.02, rel=1e-6)
+    assert stepping_for(setup, 1e-3).time_step == pytest.approx(3.5e-6 / 0.02, rel=1e-6)
+
+
+def test_perturbed_replays_of_a_stiff_servo_are_simulated_implicitly(tmp_path: Path) -> None:
+    """Euler's method, which the model asks for, would treat the servo's damping explicitly and break down."""
+    servo = '<general name="pull" joint="bend" biastype="affine" biasprm="0 0 -20"/>'
+    model = FINGER.replace('<motor name="pull" joint="bend"/>', servo).replace('damping="0.02"', "")
+    (tmp_path / "finger.xml").write_text(model.replace("implicitfast", "Euler"))
+    (tmp_path / "bend.stc").write_text(BEND.replace("c = 0.02", "c = 20"))
+    perturbed = robustness(prepare(stc.load(tmp_path / "bend.stc").solve()), 1, kinds=["none"])
+    assert perturbed.integrator == "implicitfast"
+    assert perturbed.envelopes[0].joints[0] < 1e-6

@@ -9,20 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stc.validate.certificate.blame import rank
+from stc.validate.certificate.table import EQUATIONS
 from stc.validate.metrics import Metric
 
-#: Metrics of the solver's answer, of the equations as such, of what in these an impulse depends on, and of the ground,
-#: by how their names begin.
+#: Metrics of the solver's answer, of what in the equations of motion an impulse depends on, and of the ground, by how
+#: their names begin.
 _SOLVER = ("constraint violation", "KKT residual")
-_EQUATIONS = (
-    "equations of motion",
-    "mass matrix",
-    "static force",
-    "gravity",
-    "velocity product",
-    "damping",
-    "force, entry",
-)
 _IMPULSIVE = ("mass matrix", "force, entry")
 _GROUND = ("contact", "penetration", "slip", "normal", "external")
 
@@ -30,22 +22,7 @@ _GROUND = ("contact", "penetration", "slip", "normal", "external")
 _FIT = "contact force that no contact gives"
 _SINGLE_FORCES = ("friction used", "contact force, solved one pulls")
 
-#: Metrics that the distance of the frames is in.
-_STEP = (
-    "residual between",
-    "inequality between",
-    "energy balance",
-    "momentum in flight",
-    "angular momentum",
-    "open-loop",
-    "tracked",
-    "feedback",
-    "external",
-    "order of convergence",
-)
-
-
-#: Those of them that are of a replay.
+#: Metrics of a replay.
 _REPLAYED = ("open-loop", "tracked", "feedback")
 
 #: Metrics of a motion on the ground that finer frames enlarge or reduce whatever the contacts of the model do.
@@ -57,6 +34,9 @@ _TRUNCATION = (
     "angular momentum",
     "external",
 )
+
+#: All metrics that the distance of the frames is in.
+_STEP = (*_TRUNCATION, *_REPLAYED, "order of convergence")
 
 
 #: What is said of a body that slides without its friction, before it is said how much that has.
@@ -76,6 +56,12 @@ _UNJUDGED = (
     "the inverse-dynamics residual is not judged here, so that wrong equations and too few frames look the same: add "
     "`joint` lines for the model's other joints, or check with --order whether the drift decreases with more frames; "
     "if it does not, the equations are wrong"
+)
+
+#: What helps where something comes down at speed and the replay does not follow from there.
+_GENTLY = (
+    "land more gently: put the speed of the touchdown into the objective, as `landing = 20` at a contact does, and "
+    "raise the number until the replay follows"
 )
 
 
@@ -112,7 +98,7 @@ def next_steps(
         soft: the advice on contacts or equality constraints of the model that give way visibly; "" if none do.
     """
     found: dict[str, None] = {}
-    fine = _fine_enough(metrics)
+    fine = fine_enough(metrics)
     failed = sorted((metric for metric in metrics if metric.verdict == "fail"), key=rank)
     wrong = False
     explained = _explained(failed, clamped)
@@ -131,6 +117,12 @@ def next_steps(
                 found[_UNJUDGED] = None
             if step and not causes:
                 found.update(dict.fromkeys(contacts if contacts and fine else [step]))
+    lands = any(
+        metric.name.startswith("energy at velocity jumps") and metric.value < 0.0 for metric in metrics
+    )
+    if lands and not wrong and any("on the ground" in metric.name for metric in failed):
+        # First, since it is what cures most such motions: the others say why, or refine what stays as hard.
+        found = {_GENTLY: None, **found}
     # Off the ground and on it the step is the same one, with more to say of it there.
     last = swings if not wrong or any(metric.name.startswith("contact force") for metric in failed) else ()
     found = dict.fromkeys([*causes, *found, *last]) if failed else {}
@@ -152,7 +144,7 @@ def _explained(failed: Sequence[Metric], clamped: bool) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _fine_enough(metrics: Sequence[Metric]) -> bool:
+def fine_enough(metrics: Sequence[Metric]) -> bool:
     """Whether a motion on the ground is right with the solved contact forces in place of MuJoCo's."""
     judged = [metric for metric in metrics if metric.name.startswith(_TRUNCATION)]
     return any(m.name.startswith("external") for m in judged) and all(m.verdict != "fail" for m in judged)
@@ -180,7 +172,7 @@ def _impulses_differ(failed: Sequence[Metric]) -> bool:
 
     Wrong gravity, for example, gives no impulse.  If the terms were not compared, any of them may be wrong.
     """
-    wrong = [metric for metric in failed if metric.name.startswith(_EQUATIONS)]
+    wrong = [metric for metric in failed if metric.name.startswith(EQUATIONS)]
     terms = [metric for metric in wrong if not metric.name.startswith("equations of motion")]
     return any(metric.name.startswith(_IMPULSIVE) for metric in terms) or bool(wrong and not terms)
 
@@ -200,7 +192,7 @@ def _cause(metric: Metric, compared: bool, refused: bool, differ: bool) -> str:
             "make the joint lines under replay: satisfy the model's equality: check signs, ratios, and the zero "
             "positions of the model's joints"
         )
-    if name.startswith(_EQUATIONS):
+    if name.startswith(EQUATIONS):
         return EQUATIONS_STEP
     if name.startswith("unexplained impulse, pulls"):
         return (

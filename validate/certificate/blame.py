@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stc.validate.certificate.table import bound, margin, quantity
+from stc.validate.certificate.table import EQUATIONS, bound, margin, quantity
 from stc.validate.metrics import Metric
 
 #: Names of metrics by their beginnings, causes before effects; what is not here comes in between.
@@ -19,13 +19,7 @@ _CAUSES = (
     "jump of position",
     "equality broken",
     "joint beyond",
-    "equations of motion",
-    "mass matrix",
-    "static force",
-    "gravity",
-    "velocity product",
-    "damping",
-    "force, entry",
+    *EQUATIONS,
     "unexplained impulse",
     "contacts that the model",
     "inverse-dynamics residual",

@@ -123,9 +123,13 @@ def steps(setup: Setup, touching: Sequence[Touch] = ()) -> list[str]:
 
 
 def swing_steps(setup: Setup) -> list[str]:
-    """Advice on forces that alternate from node to node, one line each; those of right motions may do so too."""
+    """Advice on forces that alternate from node to node, in one line; those of right motions may do so too."""
+    lines = swinging_forces(setup)
+    if not lines:
+        return []
+    more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
     return [
-        f"{line}, which no contact of the model can follow: add the change of the force to the objective "
-        "(such as 1e-6*fz'^2), or state the forces of bodies at rest with fewer unknowns"
-        for line in swinging_forces(setup)
+        f"{lines[0]}{more}, which no contact of the model can follow: add the change of the force to the objective "
+        "(for the contact `left`, a small weight times left_fz'^2) or a little acceleration (such as "
+        "`1e-3*joint.*''^2` beside `effort`), or state the forces of bodies at rest with fewer unknowns"
     ]

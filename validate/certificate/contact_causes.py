@@ -10,8 +10,9 @@ from stc.validate import limits
 from stc.validate.certificate.advice import FRICTION_STEP
 from stc.validate.contact import missing_contacts
 from stc.validate.contact_drift import slips
-from stc.validate.contact_meter import TOUCHES, touchable, touching, welded
+from stc.validate.contact_meter import touchable, touching, welded
 from stc.validate.contact_nodes import nodes_of, pose, press_and_friction
+from stc.validate.grips import grips
 
 if TYPE_CHECKING:
     from stc.validate.contact_drift import Slip
@@ -22,17 +23,24 @@ if TYPE_CHECKING:
 _ACTS = 1e-3
 #: Contacts with a larger time constant than this, in s, give way visibly at a landing.
 _SOFT = 5e-3
+#: What gives the force of a hand that holds on.
+_GRIP = (
+    '; if it is a hand that holds on, add `<connect site1="..." site2="..." active="false"/>` to the model, between '
+    "this site and one of what it holds"
+)
 #: From this share of the model's friction on, forces that differ a little from the solved ones make a contact slip.
 _FULL = 0.8
 
 
 def causes(replays: Replays) -> list[str]:
     """Advice for contact lines whose force nothing in the model supplies."""
+    # The components of the force at one place are one finding.
+    places = [line.rpartition(".")[0] if line.count(".") > 1 else line for line in given_by_nothing(replays)]
     return [
-        f"contact {line} acts where nothing touches, so that nothing in the model supplies its force: use an `apply` "
+        f"contact {place} acts where nothing touches, so that nothing in the model supplies its force: use an `apply` "
         "line for a force that needs no contact, or add a geom that touches there, or the joint limit that gives the "
-        "force"
-        for line in given_by_nothing(replays)
+        "force" + (_GRIP if place.startswith("site.") else "")
+        for place in dict.fromkeys(places)
     ]
 
 
@@ -42,7 +50,9 @@ def friction_steps(replays: Replays) -> list[str]:
 
 
 def given_by_nothing(replays: Replays) -> list[str]:
-    """Contact lines whose body touches nothing while they act; lines on joints with a limit or tendon are left out."""
+    """Contact lines whose body touches nothing while they act; grips, and lines on joints with a limit or tendon, are
+    left out.
+    """
     import mujoco
 
     setup = replays.setup
@@ -52,13 +62,15 @@ def given_by_nothing(replays: Replays) -> list[str]:
         return []
     values = np.abs([node.forces for node in nodes])
     where = setup.contact.where
+    held = {site for grip in grips(setup) for site in grip.sites}
     for column, line in enumerate(setup.contact.lines):
         force, place = values[:, column], where.places[column]
         # What holds a joint may be a rope, too.
         stops = place is None and (
             model.jnt_limited[model.dof_jntid[where.dofs[column]]] or model.tendon_limited.any()
         )
-        if not force.any() or stops:
+        gripped = place is not None and place.kind == "site" and place.index in held
+        if not force.any() or stops or gripped:
             continue
         bodies = [] if place is None else [place.body]
 
@@ -66,7 +78,7 @@ def given_by_nothing(replays: Replays) -> list[str]:
             pose(setup, model, data, nodes[row], bodies)
             if bodies:
                 return any(touching(model, data, welded(model, bodies[0])))
-            return any(contact.dist <= TOUCHES for contact in data.contact)
+            return any(contact.dist <= contact.includemargin for contact in data.contact)
 
         if not any(touches(int(row)) for row in np.flatnonzero(force > _ACTS * force.max())):
             found.append(line.name)
@@ -91,10 +103,12 @@ def soft_step(replays: Replays) -> str:
     for other models.
     """
     model = replays.setup.compiled
+    holds = model.eq_active0 != 0
+    holds[[grip.equality for grip in grips(replays.setup)]] = True
     touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     soft = {
         "contacts": model.geom_solref[touches if replays.ground else [], 0],
-        "equality constraints": model.eq_solref[model.eq_active0 != 0, 0],
+        "equality constraints": model.eq_solref[holds, 0],
     }
     slowest = {what: float(times.max(initial=0.0)) for what, times in soft.items()}
     told = [what for what, time in slowest.items() if time > _SOFT]

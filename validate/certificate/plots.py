@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,6 +38,10 @@ _VARIABLES = {
     "#000018": "--part5",
     "#000019": "--alone",
 }
+
+#: Of each kind of line.  The solved one is broad, for the others to lie on.
+DASHES: dict[str, Any] = {"solved": "-", "replayed": (0, (5, 2)), "tracked": (0, (1, 1.3)), "cone": "-"}
+WIDTHS = {"solved": 4.0, "replayed": 1.4, "tracked": 1.4, "cone": 0.8}
 
 #: Width of a plot and heights with and without a plot of differences, in inches.
 _WIDTH, _TALL, _LOW = 4.4, 2.9, 2.0
@@ -77,24 +81,28 @@ def _panel(panel: Panel, key: str) -> str:
     figure.patch.set_visible(False)
     if panel.differences:
         top, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.7, 1])
-        _lines(top, panel.lines)
+        draw_lines(top, panel.lines, _LINES, _PARTS)
         top.tick_params(labelbottom=False)
         scale, prefix = _scale(panel.differences)
-        _lines(below, [Line(d.kind, d.time, d.value / scale) for d in panel.differences])
+        scaled = [Line(d.kind, d.time, d.value / scale) for d in panel.differences]
+        draw_lines(below, scaled, _LINES, _PARTS)
         below.set_ylabel(f"difference, {prefix}{panel.unit}")
         axes = [top, below]
     else:
         axes = [figure.subplots(1, 1)]
-        _lines(axes[0], panel.lines)
+        draw_lines(axes[0], panel.lines, _LINES, _PARTS)
         if all(line.kind == "solved" for line in panel.lines) and len(panel.lines) > 1:
             legend = axes[0].legend(frameon=False, fontsize=8, ncols=3, loc="best")
             for text in legend.get_texts():
                 text.set_color(_INK)
     axes[0].set_ylabel(panel.unit or "control")
-    axes[-1].locator_params(axis="x", nbins=6)
     axes[-1].set_xlabel("t, s")
     for one in axes:
-        _style(one)
+        style(one, _GRID, _GRID)
+        one.patch.set_visible(False)
+        one.tick_params(colors=_INK)
+        for label in (one.xaxis.label, one.yaxis.label):
+            label.set_color(_INK)
     left, right = panel.lines[0].time[0], panel.lines[0].time[-1]
     axes[0].set_xlim(left, right if right > left else left + 1.0)
     figure.subplots_adjust(
@@ -109,9 +117,8 @@ def _panel(panel: Panel, key: str) -> str:
     return _embedded(stream.getvalue(), key, panel, (spans[0].x0, spans[0].x1), (spans[-1].y0, spans[0].y1))
 
 
-def _lines(axes: Axes, lines: Sequence[Line]) -> None:
-    """Draw the curves, the solved one wider so that it remains visible below the others."""
-    styles: dict[str, Any] = {"solved": "-", "replayed": (0, (5, 2)), "tracked": (0, (1, 1.3)), "cone": "-"}
+def draw_lines(axes: Axes, lines: Sequence[Line], colours: Mapping[str, str], parts: Sequence[str]) -> None:
+    """Draw curves in colours by kind; where all are solved, as the parts of a force, by their order."""
     alone = all(line.kind == "solved" for line in lines)
     for k, line in enumerate(lines):
         if not np.any(np.isfinite(line.value)):
@@ -119,9 +126,9 @@ def _lines(axes: Axes, lines: Sequence[Line]) -> None:
         axes.plot(
             line.time,
             _within(line.value, lines),
-            color=_PARTS[k % len(_PARTS)] if alone else _LINES[line.kind],
-            linestyle="-" if alone else styles[line.kind],
-            linewidth=0.8 if line.kind == "cone" else 4.0 if line.kind == "solved" and not alone else 1.4,
+            color=parts[k % len(parts)] if alone else colours[line.kind],
+            linestyle=DASHES[line.kind],
+            linewidth=1.4 if alone else WIDTHS[line.kind],
             label=line.label or line.kind,
         )
 
@@ -149,18 +156,16 @@ def _scale(lines: Sequence[Line]) -> tuple[float, str]:
     return 10.0**exponent, _PREFIXES[exponent]
 
 
-def _style(axes: Axes) -> None:
-    axes.patch.set_visible(False)
-    axes.grid(color=_GRID, linewidth=0.5)
+def style(axes: Axes, grid: str = "#e5e7eb", spines: str = "#9ca3af") -> None:
+    """The common look of all plots: light grid, few ticks, two spines."""
+    axes.grid(color=grid, linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.tick_params(colors=_INK, length=2.5, width=0.6)
-    axes.locator_params(axis="y", nbins=5)
+    axes.locator_params(axis="both", nbins=6)
+    axes.tick_params(length=2.5, width=0.6)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
-        axes.spines[side].set_color(_GRID)
-    for label in (axes.xaxis.label, axes.yaxis.label):
-        label.set_color(_INK)
+        axes.spines[side].set_color(spines)
 
 
 def _embedded(svg: str, key: str, panel: Panel, across: tuple[float, float], up: tuple[float, float]) -> str:

@@ -29,21 +29,21 @@ class Section:
         return found
 
 
+#: How the names of metrics begin that compare equations of motion, causes before effects.
+EQUATIONS = (
+    "equations of motion",
+    "mass matrix",
+    "static force",
+    "gravity",
+    "velocity product",
+    "damping",
+    "force, entry",
+)
+
 #: Which section a metric belongs to, by how its name begins; the first that fits counts.
 _SECTIONS: Sequence[tuple[str, tuple[str, ...]]] = (
     ("The solver's answer", ("KKT residual", "constraint violation", "claim against")),
-    (
-        "Equations of motion, spec against model",
-        (
-            "equations of motion",
-            "mass matrix",
-            "static force",
-            "gravity",
-            "velocity product",
-            "damping",
-            "force, entry",
-        ),
-    ),
+    ("Equations of motion, spec against model", EQUATIONS),
     (
         "Physics, instant by instant",
         (

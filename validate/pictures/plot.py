@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from stc.atomic import replacing
 from stc.errors import UsageError
 from stc.solution import Solution
 from stc.validate import limits
-from stc.validate.certificate.curves import Line, Panel, panels
+from stc.validate.certificate.curves import Panel, panels
+from stc.validate.certificate.plots import DASHES, WIDTHS, draw_lines, style
 from stc.validate.metrics import FloatArray
 from stc.validate.pictures.motion import paths
 from stc.validate.verdict import Replays
@@ -29,13 +30,11 @@ if TYPE_CHECKING:
 #: Kinds of file.
 PLOTS = (".png", ".svg", ".pdf")
 
-#: Solved (broad, for the others to lie on), replayed, tracked; then what has no replay: controls, and the parts
-#: of a force.  The hues are Okabe and Ito's, which everyone can tell apart.
+#: Of what is replayed, by kind; then of controls and of the parts of a force, which have no replay.
+#: The hues are Okabe and Ito's, which everyone can tell apart.
 _COLOURS = {"solved": "#9aa7b8", "replayed": "#d55e00", "tracked": "#0072b2"}
 _ALONE = "#1f2937"
 _PARTS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-_STYLES: dict[str, Any] = {"solved": "-", "replayed": (0, (5, 2)), "tracked": (0, (1, 1.3))}
-_WIDTHS = {"solved": 5.0, "replayed": 1.7, "tracked": 1.7}
 
 #: Size of one plot in inches, and the resolution of a PNG in dots per inch.
 _PLOT, _DPI = (4.2, 2.5), 150
@@ -118,7 +117,7 @@ def _legend(made: Figure, found: Sequence[Panel], replays: Replays) -> None:
     }
     handles = [
         Line2D(
-            [], [], color=_COLOURS[kind], linestyle=_STYLES[kind], linewidth=_WIDTHS[kind], label=words[kind]
+            [], [], color=_COLOURS[kind], linestyle=DASHES[kind], linewidth=WIDTHS[kind], label=words[kind]
         )
         for kind in kinds
     ]
@@ -126,21 +125,8 @@ def _legend(made: Figure, found: Sequence[Panel], replays: Replays) -> None:
 
 
 def _draw(axes: Axes, panel: Panel, replays: Replays) -> None:
-    alone = all(line.kind == "solved" for line in panel.lines)
-    parts = alone and len(panel.lines) > 1
-    for k, line in enumerate(panel.lines):
-        values = _shown(line, panel)
-        if not np.any(np.isfinite(values)):
-            continue
-        colour = _PARTS[k % len(_PARTS)] if parts else _ALONE if alone else _COLOURS[line.kind]
-        axes.plot(
-            line.time,
-            values,
-            color=colour,
-            linestyle=_STYLES[line.kind],
-            linewidth=1.7 if alone else _WIDTHS[line.kind],
-            label=line.label or None,
-        )
+    parts = len(panel.lines) > 1 and all(line.kind == "solved" for line in panel.lines)
+    draw_lines(axes, panel.lines, _COLOURS, _PARTS if parts else (_ALONE,))
     if parts:
         axes.legend(frameon=False, fontsize=8, ncols=3)
     title = f"{_TITLES.get(panel.group, panel.group)} {panel.name}".strip()
@@ -159,16 +145,6 @@ def _drift(gap: float, replays: Replays) -> str:
     """The colour of a drift: that of plain text within its limit, otherwise that of the replay's line."""
     method = replays.setup.solution.method
     return "#4b5563" if gap <= limits.OPEN_LOOP_DRIFT[method] else _COLOURS["replayed"]
-
-
-def _shown(line: Line, panel: Panel) -> FloatArray:
-    """Values clipped to a range, so that a diverged simulation does not flatten the other curves."""
-    solved = panel.lines[0].value
-    low, high = float(np.min(solved)), float(np.max(solved))
-    room = max(high - low, 1e-9)
-    if line.kind == "solved":
-        return line.value
-    return np.where((line.value > low - room) & (line.value < high + room), line.value, np.nan)
 
 
 def _paths(replays: Replays) -> list[tuple[str, FloatArray]]:
@@ -198,8 +174,8 @@ def _draw_paths(axes: Axes, ways: Sequence[tuple[str, FloatArray]]) -> None:
             shown[:, first],
             shown[:, second],
             color=_COLOURS[kind],
-            linestyle=_STYLES[kind],
-            linewidth=_WIDTHS[kind],
+            linestyle=DASHES[kind],
+            linewidth=WIDTHS[kind],
         )
         if kind == "solved":
             start, end = points[0, [first, second]], points[-1, [first, second]]
@@ -212,16 +188,3 @@ def _draw_paths(axes: Axes, ways: Sequence[tuple[str, FloatArray]]) -> None:
     axes.set_xlabel(f"{'xyz'[first]}, m")
     axes.set_ylabel(f"{'xyz'[second]}, m")
     style(axes)
-
-
-def style(axes: Axes) -> None:
-    """The common look of all plots: light grid, few ticks, two spines."""
-    axes.grid(color="#e5e7eb", linewidth=0.7)
-    axes.set_axisbelow(True)
-    axes.locator_params(axis="x", nbins=6)
-    axes.locator_params(axis="y", nbins=6)
-    axes.tick_params(labelsize=8, length=3, width=0.6)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#9ca3af")

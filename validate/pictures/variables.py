@@ -9,8 +9,9 @@ import numpy as np
 
 from stc.errors import UsageError
 from stc.solution import Solution
+from stc.validate.certificate.plots import style
 from stc.validate.metrics import FloatArray
-from stc.validate.pictures.plot import grid_of_plots, save_figure, style
+from stc.validate.pictures.plot import grid_of_plots, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

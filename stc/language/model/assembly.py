@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 
 from stc.language import syntax
 from stc.language.context import Context
@@ -47,16 +48,11 @@ class ModelStatements:
         self.periodic: list[tuple[Stated, syntax.Pose]] = []
         self.guessed: dict[int, Values] = {}
         self.poses: Poses | None = None
-        self._standing: Standing | None = None
 
-    @property
+    @cached_property
     def standing(self) -> Standing:
         """The held constraints, once poses and options of contacts are known."""
-        if self._standing is None:
-            self._standing = Standing(
-                self.context, self.scope, self.equalities, self.contacts, self.pinned, self.periodic
-            )
-        return self._standing
+        return Standing(self.context, self.scope, self.equalities, self.contacts, self.pinned, self.periodic)
 
     def impulses(self) -> list[str]:
         """The parameters of impacts."""
@@ -80,14 +76,15 @@ class ModelStatements:
         if statement.base.name == "periodic":
             rows = self.poses.rows(statement) or []
             self.periodic += [(row, statement) for row in rows]
+            self.contacts.periodic = statement
             return []
         if where.first != where.last:
             return self.poses.relations(statement, where)
         pinned = self.pinned.setdefault(where.first, Pinned())
-        for row in self.poses.rows(statement) or []:
+        for row in self.poses.rows(statement, where.first) or []:
             pinned.rows.append((row, statement))
         if statement.base.name != "rest":
-            pinned.values = self.poses.values(statement) or pinned.values
+            pinned.values = self.poses.values(statement, where.first) or pinned.values
             pinned.statement = statement
         return []
 
@@ -105,7 +102,7 @@ class ModelStatements:
         yield from self.paths.distances.relations(context.everywhere, context.span(self.scope.statement))
         yield from contacts.relations()
         yield from contacts.impacts(self.equalities)
-        yield from laws(contacts)
+        yield from laws(contacts, self.free_contacts)
         yield from self.standing.idle_forces()
         yield from self.standing.relations()
         yield from self.standing.pins()
@@ -126,7 +123,7 @@ class ModelStatements:
         assert self.poses is not None
         if where.first != where.last:
             return self.poses.guesses(pose, where)
-        values = self.poses.values(pose)
+        values = self.poses.values(pose, where.first)
         if values is not None:
             self.guessed[where.first] = values
         return []
@@ -143,16 +140,17 @@ class ModelStatements:
         flights = self.contacts.flights() if thrown else []
         yield from way_between(context, self.scope, known, flights)
         yield from self.contacts.guesses()
-        yield from loads(self.contacts, known)
+        yield from loads(self.contacts, self.free_contacts, known)
         yield from self.paths.distances.guesses(context.everywhere, context.span(self.scope.statement))
 
+    @cached_property
     def free_contacts(self) -> list[FreeContact]:
-        """The contacts under ``free:``."""
+        """The contacts under ``free:``, once their options are known."""
         return free_contacts(self.contacts)
 
     def relaxation(self) -> str:
         """The constant that relaxes the laws of free contacts; empty if none does."""
-        return RELAXATION if any(found.relaxed for found in self.free_contacts()) else ""
+        return RELAXATION if any(found.relaxed for found in self.free_contacts) else ""
 
     def fixtures(self) -> list[Fixture]:
         """The held constraints, which the guess should satisfy."""

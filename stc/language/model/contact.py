@@ -10,11 +10,14 @@ the same cone stops it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
+from stc.language import syntax
 from stc.language.model.cones import sole_cone
 from stc.language.model.holdings import Equalities, Holding, Place, one_frame_on, unchanged
+from stc.language.model.mirror import other_side
 from stc.language.model.schedule import Contact, Phase, Schedule
 from stc.language.model.scope import FORCES
 from stc.language.model.surfaces import Surface, floor
@@ -37,9 +40,18 @@ from stc.symbolic.expr import ONE, ZERO, Expr, call, div, mul, neg, num, sub, su
 #: Share of the weight by which friction may exceed its cone where a contact bears nothing.
 NEGLIGIBLE = 1e-4
 
+#: The normals of the sides of the pyramid in which the impulses of points are.
+PYRAMID = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
+
 
 class Contacts(Schedule):
-    """The statements of all contacts of a spec with a model: forces, constraints, guesses and replay lines."""
+    """The statements of all contacts of a spec with a model: forces, constraints, guesses and replay lines.
+
+    Attributes:
+        periodic: the statement that relates the last frame to the first, if there is one.
+    """
+
+    periodic: syntax.Pose | None = None
 
     # ------------------------------------------------------------------- forces
 
@@ -160,29 +172,41 @@ class Contacts(Schedule):
         for name in contact.forces:
             body = sym(VariableRef(name))
             yield Relation(body, ZERO, ZERO, FrameRange(first, last), span, f"{name} = 0 in flight")
-        if phase is None or contact.kind == "pin":
+        # In a periodic motion, what stands at the other end comes from the floor here, or comes down to it.
+        leaves = before is not None or self._stands_beyond(contact, 0)
+        lands = after is not None or self._stands_beyond(contact, self.context.n)
+        low, high = first + leaves, last - lands
+        if contact.kind == "pin" or low > high or not (phase or leaves or lands):
             return
-        low, high = first + (before is not None), last - (after is not None)
-        if low > high:
-            return
+        surface = self.surface(contact) if phase is None else phase.surface
         written = any(option.name == "clearance" for option, _ in contact.statement.options)
-        for index, height in enumerate(self.heights_above(contact, phase.surface)):
+        for index, height in enumerate(self.heights_above(contact, surface)):
             room = height
             # From one surface to the other in an arch; where one of them is beyond the motion, half of it is within, if
             # a clearance is asked for.
-            begin = first if before is not None else 2 * first - last
-            end = last if after is not None else 2 * last - first
+            begin = first if leaves else 2 * first - last
+            end = last if lands else 2 * last - first
             share = div(sub(sym(IndexRef()), num(float(begin))), num(float(end - begin)))
             left = sub(ONE, share)
             if before is not None and after is not None and before.surface != after.surface:
                 start = list(self.heights_above(contact, before.surface))[index]
                 room = mul(left, start) + mul(share, height)
             arch = mul(mul(share, share), mul(left, left))
-            if (before is None or after is None) and not written:
+            if not ((leaves and lands) or written):
                 arch = ZERO
             room = sub(room, mul(mul(num(16.0), contact.options["clearance"]), arch))
-            text = f"{contact.name} is clear of the {phase.surface.name} in flight"
+            text = f"{contact.name} is clear of the {surface.name} in flight"
             yield Relation(room, ZERO, None, FrameRange(low, high), span, text)
+
+    def _stands_beyond(self, contact: Contact, frame: int) -> bool:
+        """Whether a periodic motion has a contact on its surface at its first or last frame, since it, or its mirror
+        image, stands at the other one.
+        """
+        if self.periodic is None:
+            return False
+        name = other_side(contact.name, set(self.contacts)) if self.periodic.mirrored else contact.name
+        ends = [(phase.frames.last, phase.frames.first) for phase in self.contacts[name].phases]
+        return any(end[frame > 0] == self.context.n - frame for end in ends)
 
     def heights_above(self, contact: Contact, surface: Surface) -> Iterator[Expr]:
         """Distances from a surface: of a point or sphere, or of the corners of a sole."""
@@ -297,10 +321,14 @@ class Contacts(Schedule):
                 mul(way, rates[moving[0]]), ZERO, None, where, span, f"{contact.name} slides that way"
             )
             return
-        if contact.kind == "point" and what == "impulse" and len(moving) == 1:
-            # In a plane the cone has an inside at its apex, and what stands already may take no part of an impact.
-            for sign in (1.0, -1.0):
-                within = sub(mul(friction, up), mul(num(sign), along[moving[0]]))
+        if contact.kind == "point" and what == "impulse" and moving:
+            # What stands already may take no part of an impact, and a round cone has no inside at its apex: a pyramid
+            # whose edges are on the cone has one.  In a plane it is the cone.
+            ways: Sequence[tuple[float, ...]] = PYRAMID if len(moving) == 2 else ((1.0,), (-1.0,))
+            share = friction if len(moving) == 1 else mul(num(math.cos(math.pi / len(ways))), friction)
+            for one in ways:
+                sideways = sum_of(mul(num(part), along[k]) for part, k in zip(one, moving, strict=True))
+                within = sub(mul(share, up), sideways)
                 yield Relation(within, ZERO, None, where, span, f"{contact.name} does not slip ({what})")
             return
         if contact.kind == "point":
@@ -416,14 +444,24 @@ class Contacts(Schedule):
                         self.context.span(phase.statement),
                     )
 
-    def heights(self) -> list[Expr]:
-        """The distance of every place of contact from the floor."""
+    def heights(self, frame: int | None) -> list[Expr]:
+        """How far every place of contact is above the surface on which it stands at a frame; if none does, or without
+        a frame, above the floor.
+        """
+        able = [one for one in self.contacts.values() if one.kind != "pin"]
+        standing = [
+            (one, phase.surface)
+            for one in able
+            for phase in one.phases
+            if frame is not None and phase.frames.first <= frame <= phase.frames.last
+        ]
         ground = floor(self.scope)
+        pairs = standing or [(one, ground) for one in able if self.surface(one).frame is None]
         return [
-            height
-            for one in self.contacts.values()
-            if one.kind != "pin" and self.surface(one).frame is None
-            for height in self.heights_above(one, ground)
+            div(height, num(surface.normal[2]))
+            for one, surface in pairs
+            if surface.frame is None and surface.normal[2] > 0.0
+            for height in self.heights_above(one, surface)
         ]
 
     def flights(self) -> list[tuple[int, int]]:

@@ -48,9 +48,9 @@ RATE = 10.0
 LOADED, TOUCHES = 0.3, 0.01
 
 
-def laws(contacts: Contacts) -> Iterator[Relation]:
+def laws(contacts: Contacts, free: Sequence[FreeContact]) -> Iterator[Relation]:
     """The relations of gap, pressure and friction for the contacts under ``free:``."""
-    for contact, found in zip(contacts.free(), free_contacts(contacts), strict=True):
+    for contact, found in zip(contacts.free(), free, strict=True):
         assert contact.free is not None
         yield from _laws(contacts, contact, contact.free, found)
         yield from _first_frame(contact, found)
@@ -82,17 +82,19 @@ def free_contacts(contacts: Contacts) -> list[FreeContact]:
     return found
 
 
-def loads(contacts: Contacts, known: Mapping[int, Values]) -> Iterator[Guess]:
+def loads(contacts: Contacts, free: Sequence[FreeContact], known: Mapping[int, Values]) -> Iterator[Guess]:
     """The guess of pressure: a part of the weight for what touches in the first and the last pose.
 
     Without any load the first steps would have to find all forces at once, among many that balance the weight.
 
     Args:
+        contacts: all contacts.
+        free: those under ``free:``, from :func:`free_contacts`.
         known: poses, or parts of them, by frame.
     """
-    context, free = contacts.context, contacts.free()
+    context = contacts.context
     ends = [{VariableRef(name): value for name, value in known.get(k, {}).items()} for k in (0, context.n)]
-    for contact, found in zip(free, free_contacts(contacts), strict=True):
+    for contact, found in zip(contacts.free(), free, strict=True):
         assert contact.free is not None
         gaps = [substitute(gap, pose) for pose in ends for gap in found.gaps]
         if found.relaxed and contact.free.surface.normal[2] > 0.0 and all(map(context.is_fixed, gaps)):

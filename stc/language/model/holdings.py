@@ -8,10 +8,10 @@ from dataclasses import replace
 from stc.errors import Span
 from stc.language.context import Context
 from stc.language.model.scope import ModelScope, path_of
-from stc.mechanism.equalities import Held, held
+from stc.mechanism.equalities import Held, axis_and_sine, held
 from stc.mechanism.forces import Forces
 from stc.mechanism.tree import WORLD
-from stc.mechanism.vectors import dot, transposed
+from stc.mechanism.vectors import dot, product, transposed
 from stc.problem import FrameRange, ParameterRef, VariableRef
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, sub, substitute, sym, symbols
@@ -94,16 +94,25 @@ def unchanged(e: Expr) -> Expr:
 
 @dataclass(slots=True)
 class Equalities:
-    """The equality constraints of a model that hold from the start."""
+    """The equality constraints of a model that hold from the start.
+
+    Attributes:
+        found: each with its name.
+        carried: the names of welds to mocap bodies that hold a body where it is at the first frame.
+    """
 
     context: Context
     scope: ModelScope
     found: list[tuple[str, Held]] = field(default_factory=list)
+    carried: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        for equality in self.scope.mechanism.equalities:
+        mechanism, words = self.scope.mechanism, [word.name for word in self.scope.statement.additions]
+        for equality in mechanism.equalities:
             if equality.active:
                 self.found.append((equality.name, held(self.scope.dynamics, equality)))
+                if "mocap" in words and mechanism.welded_to_mocap(equality):
+                    self.carried.add(equality.name)
 
     @property
     def to_world(self) -> bool:
@@ -141,16 +150,28 @@ class Equalities:
             # The angles of a weld are in the axes of a body as they are.
             places = [*rows(one.places[:3]), *one.places[3:]]
             rates = [self.context.builder.derivative(place, 1) for place in places]
+            held_places = [Place(rate, place) for rate, place in zip(rates, places, strict=True)]
+            if name in self.carried:
+                held_places = self._from_start(one)
             yield Holding(
                 name=f"equality {name}",
                 path=path_of("equality", name),
                 frames=self.context.everywhere,
                 span=span,
-                places=[Place(rate, place) for rate, place in zip(rates, places, strict=True)],
+                places=held_places,
                 velocities=rows(one.rates),
                 accelerations=rows(one.accelerations),
                 loads=rows([sym(VariableRef(path_of("equality", name, part))) for part in one.names]),
             )
+
+    def _from_start(self, one: Held) -> list[Place]:
+        """The places of a weld to a mocap body, which are those of the first frame."""
+        first = one.ends[0].segment != WORLD
+        now = self.scope.dynamics.kinematics.axes_of(one.ends[not first])
+        x, y, z = [(one_frame_on(row[0]), one_frame_on(row[1]), one_frame_on(row[2])) for row in now]
+        turn = product((x, y, z), transposed(now)) if first else product(now, transposed((x, y, z)))
+        changes = (*(unchanged(place) for place in one.places[:3]), *axis_and_sine(turn))
+        return [Place(rate, change=change) for rate, change in zip(one.rates, changes, strict=False)]
 
     def _rows(self, one: Held) -> Callable[[Sequence[Expr]], list[Expr]]:
         """Vectors along the axes of the first of the bodies that an equality joins, where that moves.

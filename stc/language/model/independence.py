@@ -142,6 +142,41 @@ def remain_dependent(point: Point, rates: Sequence[Expr]) -> bool:
         along = along @ vectors[:, values < _FLAT]
 
 
+def are_integrable(point: Point, rates: Sequence[Expr]) -> bool:
+    """Whether rows that hold all the time fix places: then a place is that of the start, whatever the way.
+
+    The rows of a point that does not slip do so, and those of a sole that stands on two balls. A ball alone does not:
+    it may roll to any place in any orientation.
+
+    Source: Frobenius' theorem. The velocities that satisfy the rows are closed under brackets.
+
+    Parameters
+    ----------
+    point, rates
+        A configuration without accidental alignments, and the rows as functions that are linear in the velocities.
+    """
+    rows = point.jacobian(rates)
+    sizes, right = np.linalg.svd(rows)[1:]
+    free = right[int(np.sum(sizes > DEPENDENT)) :]
+    change = [
+        (point.moved(_NEAR * v).jacobian(rates) - point.moved(-_NEAR * v).jacobian(rates))
+        @ free.T
+        / (2.0 * _NEAR)
+        for v in free
+    ]
+    bent = np.array(change).reshape(len(free), len(rows), len(free))
+    bracket = np.zeros((len(free), len(free), rows.shape[1]))
+    at = 0
+    for one in point.scope.coordinates:
+        at += len(one.positions)
+        if one.rotation is not None:  # turned about its own axes, first about one and then about another
+            turns = free[:, at : at + 3]
+            bracket[:, :, at : at + 3] = np.cross(turns[:, None], turns[None])
+            at += 3
+    around = bent.transpose(0, 2, 1) - bent.transpose(2, 0, 1) - bracket @ rows.T
+    return not np.any(np.abs(around) > _FLAT)
+
+
 def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None = None) -> list[int]:
     """Find the rows that are linearly independent of given ones and of one another.
 

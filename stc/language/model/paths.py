@@ -195,6 +195,8 @@ class Paths:
             axes = self.scope.dynamics.kinematics.axes_of(frame)
             return axes[_AXES[rest[1]]][_AXES[field[0]]]
         what = f"`{path}` has no field `{'.'.join(rest)}`" if rest else f"`{path}` is not a number"
+        if field in PLACE_FIELDS[-3:]:
+            raise PathError(what, f"an axis is a vector, with `.{field}.x`, `.{field}.y` and `.{field}.z`")
         hint = did_you_mean(field, PLACE_FIELDS) if rest else ""
         raise PathError(
             what, hint or f"write one of {', '.join(f'`.{one}`' for one in PLACE_FIELDS[:9])} after it"
@@ -225,6 +227,8 @@ class Paths:
                 f"`geom.NAME.x`; its forces are `{kind}_fx`, `{kind}_fz`"
             )
         else:
+            if kind == "energy":
+                return "write `energy.kinetic` or `energy.potential`"
             return did_you_mean(kind, known) or f"paths begin with {', '.join(f'`{one}.`' for one in known)}"
         return f"it has {', '.join(f'`{name}`' for name in names[:12])}" if names else f"it has no {kind}s"
 

@@ -30,10 +30,12 @@ class Poses:
     """The poses that a spec can name: keyframes of the model, and those of its `poses:` section.
 
     Attributes:
-        heights: function that returns the height of each contact point above the floor.
+        heights: function that returns how far each contact point is above its surface at a frame, or above the floor.
     """
 
-    def __init__(self, context: Context, scope: ModelScope, heights: Callable[[], list[Expr]]) -> None:
+    def __init__(
+        self, context: Context, scope: ModelScope, heights: Callable[[int | None], list[Expr]]
+    ) -> None:
         self.context = context
         self.scope = scope
         self.heights = heights
@@ -89,8 +91,8 @@ class Poses:
 
     # ------------------------------------------------------------------ values
 
-    def values(self, pose: syntax.Pose) -> Values | None:
-        """The value of every coordinate in a pose; None after a mistake, which is added."""
+    def values(self, pose: syntax.Pose, frame: int | None = None) -> Values | None:
+        """The value of every coordinate in a pose, at a frame; None after a mistake, which is added."""
         values = self.named.get(pose.base.name)
         if values is None:
             known = list(self.named)
@@ -109,16 +111,16 @@ class Poses:
         if values is not None and pose.angle is not None:
             values = self._turned(values, pose)
         if values is not None and pose.grounded:
-            values = self._grounded(values, pose)
+            values = self._grounded(values, pose, frame)
         return values
 
-    def _grounded(self, values: Values, pose: syntax.Pose) -> Values | None:
-        """Values with the root moved until its lowest contact place touches the floor."""
+    def _grounded(self, values: Values, pose: syntax.Pose, frame: int | None = None) -> Values | None:
+        """Values with the root moved up or down until the lowest contact place touches."""
         constants = {
             name: value for name, value in self.context.constants.values.items() if value is not None
         }
         numbers = {name: self.context.number(body) for name, body in values.items()}
-        heights = self.heights()
+        heights = self.heights(frame)
         if not heights:
             self.context.error(
                 pose, "no contact of this spec touches the floor", "declare contacts under `contact:`"
@@ -232,13 +234,13 @@ class Poses:
 
     # --------------------------------------------------------------- relations
 
-    def rows(self, pose: syntax.Pose) -> list[Stated] | None:
+    def rows(self, pose: syntax.Pose, frame: int | None = None) -> list[Stated] | None:
         """The constraints of a pose, or of `rest`, at a frame; None after a mistake, which is added."""
         if pose.base.name == "rest":
             return list(self.at_rest())
         if pose.base.name == "periodic":
             return self._periodic(pose)
-        values = self.values(pose)
+        values = self.values(pose, frame)
         return None if values is None else list(self.at(values))
 
     def at(self, values: Values) -> Iterator[Stated]:
@@ -293,7 +295,7 @@ class Poses:
 
     def guesses(self, pose: syntax.Pose, where: FrameRange) -> list[Guess]:
         """A pose as the starting values of all coordinates on some frames."""
-        values = self.values(pose)
+        values = self.values(pose, where.first)
         if values is None:
             return []
         span = self.context.span(pose)
@@ -301,7 +303,7 @@ class Poses:
 
     def relations(self, pose: syntax.Pose, where: FrameRange) -> list[Relation]:
         """As :meth:`rows`, as relations of the problem."""
-        rows = self.rows(pose)
+        rows = self.rows(pose, where.first)
         span = self.context.span(pose)
         return [Relation(row.body, ZERO, ZERO, where, span, row.text) for row in rows or []]
 

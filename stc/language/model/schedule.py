@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
+from numpy.typing import NDArray
+
 from stc.language import syntax
 from stc.language.context import Context
 from stc.language.diagnostics import did_you_mean
@@ -12,11 +15,17 @@ from stc.language.model.paths import PathError, Paths, parts_of
 from stc.language.model.scope import FORCES, SLIP, ModelScope, path_of
 from stc.language.model.surfaces import Surface, floor, surface_of
 from stc.mechanism.mechanism import Geom, index_of
-from stc.mechanism.tree import Frame
-from stc.mechanism.vectors import Vector, vector
+from stc.mechanism.tree import Frame, rotation
+from stc.mechanism.vectors import vector
 from stc.problem import FrameRange
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, is_literal, num
+
+FloatArray = NDArray[np.float64]
+
+#: A ball of a spec that is at most this far from the model's, in m, is that ball; one that is farther from it than
+#: `_NEAR` is another one.
+_SAME, _NEAR = 1e-4, 0.02
 
 OPTIONS = ("friction", "reach", "clearance", "landing", "speed", "radius", "soft", "sudden", "slides")
 #: Which way a contact slides, along the axis of its surface along which it can move.
@@ -183,13 +192,25 @@ class Schedule:
             frame, path = self.point(where)
             radius = 0.0 if rolls is None or kind != "point" else self._radius(*rolls)
             path = (*path, repr(radius)) if radius else path
+            if radius:
+                self._nearest_ball(where, path, radius)
             return Contact(name, kind, statement, path, frame, radius=radius)
         assert isinstance(where, syntax.Name)
-        if rolls is not None:
-            raise PathError(
-                "`radius` is of a ball about a point of a body", "write `point(body.NAME, x, y, z)`"
-            )
         of, *rest = parts_of(where.name)
+        named = rest[0] if len(rest) == 1 else ""
+        index = index_of(self.scope.mechanism.sites, named) if of == "site" else None
+        if rolls is not None and index is not None and kind == "point":
+            site, radius = self.scope.mechanism.sites[index], self._radius(*rolls)
+            body = self.scope.mechanism.bodies[site.body].name
+            path = ("body", body, *map(repr, site.pos), repr(radius))
+            self._nearest_ball(where, path, radius)
+            return Contact(name, kind, statement, path, self.paths.frame(of, named), radius=radius)
+        index = index_of(self.scope.mechanism.geoms, named) if of == "geom" else None
+        if rolls is not None and (index is None or self.scope.mechanism.geoms[index].kind != "capsule"):
+            raise PathError(
+                "`radius` is of a ball about a site or a point of a body",
+                "write `point(body.NAME, x, y, z)`",
+            )
         if of not in ("site", "geom", "body") or len(rest) != 1:
             raise PathError(
                 f"`{where.name}` is not a site, geom or body of the model", "write `site.NAME` or `geom.NAME`"
@@ -201,7 +222,6 @@ class Schedule:
                     "`foot` needs a box geom, on whose lower face it stands", "write `foot(geom.NAME)`"
                 )
             return Contact(name, kind, statement, (of, rest[0]), frame)
-        index = index_of(self.scope.mechanism.geoms, rest[0])
         assert index is not None
         geom = self.scope.mechanism.geoms[index]
         if kind == "foot":
@@ -211,7 +231,7 @@ class Schedule:
                     "the sole of a foot is the lower face of a box",
                 )
             x, y, z = geom.size
-            below = _moved(geom.pos, geom.quat, -(z + geom.margin))
+            below = vector(_along(geom, -(z + geom.margin)))
             sole = self.scope.dynamics.tree.frame(geom.body, below, geom.quat)
             return Contact(name, kind, statement, (of, rest[0]), sole, half=(x, y))
         if geom.kind != "sphere":
@@ -231,9 +251,31 @@ class Schedule:
                 f"a wheel rolls as a ball about its axle: `{place}, radius = {geom.size[0]:.6g}`. "
                 "A site, or a point without a radius, sticks to the floor and does not roll"
             )
-        if geom.kind == "capsule":
-            return "its round end is a ball: `point(body.NAME, x, y, z), radius = r`"
+        if geom.kind == "capsule" and body:
+            ends = [f"`point({path_of('body', body)}, {_written(end)})`" for end in _balls(geom)]
+            radius = f"`radius = {geom.size[0] + geom.margin:.6g}`"
+            return f"its ends are balls: {' and '.join(ends)}, each with {radius}"
         return "put a site where it touches, or write `point(body.NAME, x, y, z)`"
+
+    def _nearest_ball(self, where: syntax.Expression, path: Sequence[str], radius: float) -> None:
+        """Warn of a ball close to one of the model's, but beside it: MuJoCo's contacts are at that one."""
+        of, at, mechanism = path[1], np.array(path[2:5], float), self.scope.mechanism
+        balls = [
+            (float(np.linalg.norm(ball - at)), abs(geom.size[0] + geom.margin - radius), ball, geom)
+            for geom in mechanism.geoms
+            if mechanism.bodies[geom.body].name == of and (geom.contype or geom.conaffinity)
+            for ball in _balls(geom)
+        ]
+        if not balls:
+            return
+        away, wider, ball, geom = min(balls, key=lambda one: max(one[:2]))
+        if not _SAME < max(away, wider) < _NEAR:
+            return
+        message = (
+            f"the model touches the floor {1e3 * max(away, wider):.2g} mm beside this ball, with one "
+            f"at `point({path_of('body', of)}, {_written(ball)}), radius = {geom.size[0] + geom.margin:.6g}`"
+        )
+        self.context.diagnostics.warning(message, where.start, where.end)
 
     def point(self, call: syntax.Call) -> tuple[Frame, tuple[str, ...]]:
         """The frame of ``point(body.NAME, x, y, z)``, and the path of its body.
@@ -414,12 +456,20 @@ class Schedule:
         return min((phase.surface.friction_with(geom) for phase in standing), default=1.0)
 
 
-def _moved(pos: Sequence[float], quat: Sequence[float], along: float) -> Vector:
-    """A place moved along the z axis of a frame."""
-    from stc.mechanism.tree import rotation
+def _along(geom: Geom, distance: float) -> FloatArray:
+    """The place on a geom's z axis that is so far from its middle, in its body's frame."""
+    return np.array(geom.pos) + distance * rotation(geom.quat)[:, 2]
 
-    axis = rotation(quat)[:, 2]
-    return vector([p + along * a for p, a in zip(pos, axis, strict=True)])
+
+def _balls(geom: Geom) -> list[FloatArray]:
+    """The centres of the balls with which a geom touches, in its body's frame."""
+    ends = {"sphere": [0.0], "capsule": [geom.size[1], -geom.size[1]]}.get(geom.kind, [])
+    return [_along(geom, end) for end in ends]
+
+
+def _written(at: FloatArray) -> str:
+    """A place in the language, without the rounding errors of turns."""
+    return ", ".join(f"{v:.6g}" if abs(v) > 1e-9 else "0" for v in at)
 
 
 __all__ = ["Contact", "Phase", "Schedule"]

@@ -358,8 +358,12 @@ def _relaxed(tree: syntax.SpecTree) -> dict[str, float]:
 
 def _find(statement: syntax.ModelFile, tree: syntax.SpecTree, diagnostics: Diagnostics) -> Path | None:
     """The file of a model: an absolute path, one beside the spec, or a bundled model."""
-    if tree.source.model_file is not None:
-        return Path(tree.source.model_file)
+    known_file, name = tree.source.model_file, Path(statement.path).name
+    if known_file is not None and Path(known_file).name in (
+        name,
+        f"{name}.xml",
+    ):  # not the replay's, if that is another
+        return Path(known_file)
     folder = Path(tree.source.path).parent if tree.source.path else Path()
     beside = folder / statement.path
     if beside.is_file():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -16,6 +17,7 @@ from stc.language.model.independence import (
     DEPENDENT,
     Matrix,
     Point,
+    are_integrable,
     independent,
     pins_to_keep,
     remain_dependent,
@@ -36,6 +38,10 @@ OFF_SURFACE = 1e-3
 #: What a link gives way by at most in one step, in m or rad.  It is far above the errors of a method whose steps are
 #: fine enough to mean anything, and keeps an optimiser from leaping from one branch of a closed loop to another.
 LARGEST_CORRECTION = 0.05
+
+#: A ball that rolls in space between two fixed poses may slip by so much in all, in m: on short ways it would come to
+#: nearly the same place without, so that the later pose would say nothing new to first order.
+SLIP = 1e-4
 
 UNUSED = "no step is corrected here"
 
@@ -90,9 +96,12 @@ class Standing:
         self.width = scope.mechanism.n_freedoms
         self.numbers = {k: v for k, v in self.context.constants.values.items() if v is not None}
         self._points: dict[int, Point] = {}
+        self._known_at: dict[int, tuple[list[Holding], bool]] = {}
         self.generic = self._generic(links)
         self.drawn = self._drawn()
+        self._check_links(links)
         self.stretches = list(self._stretches())
+        self._check_freedom()
 
     def _placed(self, one: Holding) -> Holding:
         """The same constraint with its place, if a fixed pose determines it."""
@@ -115,9 +124,74 @@ class Standing:
             if one.rotation is not None:
                 q = np.array(reference[len(one.positions) :]) + rng.normal(size=4, scale=0.1)
                 values.update(zip(one.rotation.quaternion, (q / np.linalg.norm(q)).tolist()))
+        point = Point(self.scope, values, self.numbers)
         places = [place for one in links for place in one.places if place.zero is not None]
-        zeros = [place.zero for place in places if place.zero is not None]
-        return Point(self.scope, values, self.numbers).closed(zeros, [place.rate for place in places])
+        moved = np.abs(point.jacobian([place.rate for place in places])).max(axis=1, initial=0.0) > DEPENDENT
+        #: Of the constraints with known places each row, and whether any joint changes it.
+        self.rows = [(place, bool(changes)) for place, changes in zip(places, moved, strict=True)]
+        return self._closed(point)
+
+    def _closed(self, point: Point) -> Point:
+        """A configuration close by in which the model's loops are closed, as far as joints can."""
+        rows = [place for place, changes in self.rows if changes]
+        return point.closed(
+            [place.zero for place in rows if place.zero is not None], [place.rate for place in rows]
+        )
+
+    def _check_links(self, links: Sequence[Holding]) -> None:
+        """Check that there is a configuration in which the model's equality constraints hold.
+
+        What no joint changes is told: it has no effect in MuJoCo either.
+        """
+        named = [one.name for one in links for place in one.places if place.zero is not None]
+        zeros = [place.zero for place, _ in self.rows if place.zero is not None]
+        moved = np.array([changes for _, changes in self.rows], bool)
+        starts = [self.generic, self.drawn, *(self._at(frame) for frame in self.pinned)]
+        offs = [np.abs(self._closed(start).numbers(zeros)) for start in starts] if zeros else []
+        least = min(offs, key=lambda off: float((off * moved).max()), default=np.zeros(0))
+        statement, told = self.scope.statement, set[str]()
+        for name, off, changes in zip(named, least.tolist(), moved.tolist(), strict=True):
+            if off > OFF_SURFACE and name not in told:
+                told.add(name)
+                if changes:
+                    message = (
+                        f"`{name}` cannot hold: the nearest pose that was found is {off:.3g} m or rad off"
+                    )
+                    self.context.error(statement, message, "even without the ranges of joints")
+                else:
+                    message = f"`{name}` is {off:.3g} m or rad off in a direction in which no joint moves what it ties"
+                    self.context.diagnostics.warning(message, statement.start, statement.end)
+
+    def _check_freedom(self) -> None:
+        """Tell where a flight begins from contacts that leave the centre of mass too little freedom to be pushed up.
+
+        That is so if the motions they allow are fewer than its directions, and none of them raises it in a fixed pose.
+        """
+        momentum = list(self.scope.dynamics.momentum())
+        taken = {stretch.frames.first for stretch in self.stretches}
+        for stretch in self.stretches:
+            rows = [one.velocities[k] for one, _, kept in stretch.held for k in kept]
+            first, last = stretch.frames.first, stretch.frames.last
+            pinned = [k for k, one in self.pinned.items() if first <= k <= last and one.values is not None]
+            free = self.width - len(rows)
+            directions = np.linalg.matrix_rank(self.generic.jacobian(momentum), DEPENDENT)
+            if last == self.context.n or last in taken or not pinned or free >= directions:
+                continue
+            at = self._at(pinned[0])
+            _, sizes, ways = np.linalg.svd(at.jacobian(rows))
+            allowed = ways[int((sizes > DEPENDENT * sizes.max()).sum()) :]
+            up = at.jacobian(momentum)[2]
+            if np.linalg.norm(allowed @ up) > DEPENDENT * np.linalg.norm(up):
+                continue
+            names = ", ".join(f"`{one.name}`" for one, _, _ in stretch.held)
+            span = stretch.held[-1][0].span
+            self.context.diagnostics.warning(
+                f"a flight begins at frame {last}, where {names} still hold {len(rows)} of {self.width} degrees of "
+                "freedom: what remains does not lift the centre of mass from this pose",
+                span.start,
+                span.end,
+                "let some of them leave earlier",
+            )
 
     def _drawn(self) -> Point:
         """The model's first keyframe, or the pose of its file."""
@@ -239,10 +313,13 @@ class Standing:
         """The held constraints for the guess; ``poses`` are frames with known poses, which determine the places of
         feet.
         """
+        idle = {id(place) for place, changes in self.rows if not changes}
         for one in self.holdings:
             first, last = one.frames.first, one.frames.last
             reference = min([frame for frame in poses if first <= frame <= last], default=first)
-            lasting = [place for place in (*one.places, *one.nearly) if not place.start]
+            lasting = [
+                place for place in (*one.places, *one.nearly) if not place.start and id(place) not in idle
+            ]
             known = [(place.zero, place.rate) for place in lasting if place.zero is not None]
             same = [(place.change, place.rate) for place in lasting if place.change is not None]
             for some in filter(None, (known, same)):
@@ -316,7 +393,18 @@ class Standing:
                 found.append(self._correction(rates, 0, stretch.frames))
                 rates = {f"correction.{one.path}.v{k}": one.velocities[k] for k in velocities}
                 found.append(self._correction(rates, 1, stretch.frames))
+                if self._may_slip(one, stretch.frames):
+                    rates = {f"correction.{one.path}.r{k}": one.velocities[k] for k in velocities if k < 2}
+                    found.append(self._correction(rates, 0, stretch.frames))
         return [one for one in found if one.unknowns]
+
+    def _may_slip(self, one: Holding, frames: FrameRange) -> bool:
+        """Whether a ball stands between two fixed poses, of which the later one does not follow from its rolling."""
+        contact = self.contacts.contacts.get(one.name)
+        if contact is None or not contact.radius:
+            return False
+        known = [self._known(frame) for frame in self.pinned if frame > frames.first]
+        return any(one in held and not certain for held, certain in known)
 
     def _correction(self, rates: Mapping[str, Expr], order: int, frames: FrameRange) -> Correction:
         seeds = [(rate, sym(VariableRef(name))) for name, rate in rates.items()]
@@ -347,9 +435,15 @@ class Standing:
             yield Relation(body, ZERO, ZERO, FrameRange(at, n), span, UNUSED)
             if not beside:
                 yield Relation(body, ZERO, ZERO, self.context.everywhere, span, UNUSED, on_frames=True)
-            if not name.rpartition(".")[2].startswith("v"):
-                limit = num(LARGEST_CORRECTION)
-                text = f"no step is corrected by more than {LARGEST_CORRECTION} m or rad"
+            kind = name.rpartition(".")[2][0]
+            if kind != "v":
+                most = (
+                    LARGEST_CORRECTION
+                    if kind != "r"
+                    else SLIP / sum(where.last - where.first for where in ranges)
+                )
+                limit = num(most)
+                text = f"no step is corrected by more than {most:g} m or rad"
                 for where in ranges:
                     within = FrameRange(where.first, where.last - beside)
                     yield Relation(body, neg(limit), limit, within, span, text)
@@ -387,13 +481,31 @@ class Standing:
             point = self._at(frame)
             holding = [one for one in self.holdings if one.frames.first <= frame <= one.frames.last]
             self._check(holding, frame, pinned)
-            held = stacked([self._held(one, frame, point) for one in holding], self.width)
-            keep = pins_to_keep(held, pinned.dofs(False))
+            held = [self._held(one, frame, point) for one in holding]
+            known, certain = self._known(frame)
+            held += [point.jacobian(one.velocities) for one in known if certain]
+            keep = pins_to_keep(stacked(held, self.width), pinned.dofs(False))
             for row, statement in pinned.rows:
                 if not row.velocity and row.dof in keep:
                     where, span = FrameRange(frame, frame), self.context.span(statement)
                     yield Relation(row.body, ZERO, ZERO, where, span, row.text)
             yield from self._velocity_pins(frame, pinned, holding, point)
+
+    def _known(self, frame: int) -> tuple[list[Holding], bool]:
+        """What is held since a fixed pose that the fixed pose of a frame fits, and whether that says where it is.
+
+        Without slip a sole on two balls, or a ball in a plane, is as far away as it has turned. In space the place of a
+        single ball depends on the way.
+        """
+        if frame not in self._known_at:
+            known = []
+            for one in self.holdings:
+                if one.frames.first < frame <= one.frames.last:
+                    moved, _ = self._moved(one, frame)
+                    known += [one] if moved is not None and np.linalg.norm(moved) <= OFF_SURFACE else []
+            rates = [rate for one in known for rate in one.velocities]
+            self._known_at[frame] = known, bool(known) and are_integrable(self.generic, rates)
+        return self._known_at[frame]
 
     def _velocity_pins(
         self, frame: int, pinned: Pinned, holding: Sequence[Holding], point: Point
@@ -446,17 +558,67 @@ class Standing:
 
     def _check_held(self, one: Holding, frame: int, statement: syntax.Pose) -> None:
         """Check that a fixed pose agrees with the places of held constraints."""
-        begin, point = self.pinned.get(one.frames.first), self._at(frame)
+        point = self._at(frame)
         zeros = [place.zero for place in one.places if place.zero is not None]
-        off = float(np.abs(point.numbers(zeros)).max(initial=0.0))
-        if one.at and begin is not None and begin.values is not None:
-            moved = point.numbers(one.at) - self._at(one.frames.first).numbers(one.at)
-            off = max(off, float(np.linalg.norm(moved)))
+        off, move, what = float(np.abs(point.numbers(zeros)).max(initial=0.0)), "", "off its place"
+        certain = off > OFF_SURFACE
+        moved, about = self._moved(one, frame)
+        if moved is not None:
+            away = float(np.linalg.norm(moved))
+            certain |= away > OFF_SURFACE and not about
+            off = max(off, away) if away > OFF_SURFACE + about else off
+            what = "off where it can have rolled" if about else what
+            x, y = (0.0 if abs(part) < 1e-4 else float(f"{-part:.3g}") for part in moved[:2])
+            move = f": moved by ({x:g}, {y:g}, 0) it does" if abs(moved[2]) <= OFF_SURFACE else ""
         if off > OFF_SURFACE:
             since = f"where it holds since frame {one.frames.first}"
-            message = f"`{one.name}` is {off:.4g} off its place in this pose, {since}"
-            hint = "let it stand on fewer frames, or state a pose that it fits"
-            self.context.error(statement, message, hint)
+            message = f"`{one.name}` is {off:.4g} {what} in this pose, {since}"
+            hint = f"let it stand on fewer frames, or state a pose that it fits{move}"
+            if certain:
+                self.context.error(statement, message, hint)
+            else:
+                self.context.diagnostics.warning(message, statement.start, statement.end, hint)
+
+    def _moved(self, one: Holding, frame: int) -> tuple[Matrix | None, float]:
+        """How far a held constraint is from where it should be at a frame with a fixed pose, (3,), and how uncertain
+        that is, in m; None if that is not known.
+        """
+        begin = self.pinned.get(one.frames.first)
+        if begin is None or begin.values is None:
+            return None, 0.0
+        at, rolled, about = (one.at, np.zeros(3), 0.0) if one.at else self._rolled(one, frame)
+        if not at:
+            return None, 0.0
+        return self._at(frame).numbers(at) - self._at(one.frames.first).numbers(at) - rolled, about
+
+    def _rolled(self, one: Holding, frame: int) -> tuple[Sequence[Expr], Matrix, float]:
+        """The middle of a ball, how far it has rolled since it stands, (3,), and how uncertain that is, in m.
+
+        If another ball of its body stands as long, it is certain.  The way of a single ball is not known, only the turn
+        between both poses; it is taken to be short, and nothing is said of wheels, which may have turned several times.
+        """
+        known, first = self.contacts.contacts, one.frames.first
+        ball = known.get(one.name)
+        nothing: tuple[Sequence[Expr], Matrix, float] = ((), np.zeros(3), 0.0)
+        dynamics = self.contacts.scope.dynamics
+        if ball is None or not ball.radius or not dynamics.tree.segments[ball.frame.segment].joint.limited:
+            return nothing
+        axes = [part for row in dynamics.kinematics.axes_of(ball.frame) for part in row]
+        turn = (self._at(frame).numbers(axes).reshape(3, 3)) @ self._at(first).numbers(axes).reshape(3, 3).T
+        angle = math.acos(min(max(0.5 * (np.trace(turn) - 1.0), -1.0), 1.0))
+        axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+        length = float(np.linalg.norm(axis))
+        if length:
+            axis *= ball.radius * angle / length
+        phase = next(phase for phase in ball.phases if phase.frames.first == first)
+        paired = any(
+            other is not ball and other.radius and other.frame.segment == ball.frame.segment
+            and any(phase.frames.first <= first and frame <= phase.frames.last for phase in other.phases)
+            for other in known.values()
+        )  # fmt: skip
+        at = self.contacts.paths.place(ball.frame)[0]
+        about = 0.0 if paired else OFF_SURFACE + ball.radius * angle**2
+        return at, np.cross(axis, np.array(phase.surface.normal)), about
 
     # ------------------------------------------------------------------------ forces
 

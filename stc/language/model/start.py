@@ -20,7 +20,8 @@ def way_between(
 ) -> Iterator[Guess]:
     """The guess of all coordinates: interpolation between known poses, with the shortest rotation between orientations.
 
-    While nothing touches, the root follows a ballistic arc to the next contact, or falls from its known position.
+    While nothing touches, the root follows a ballistic arc to the next contact, or falls from its known position.  A
+    body on the world that turns about a hinge by more than half a turn does so in flight: no feet stand meanwhile.
 
     Args:
         known: poses by frame, one at least that gives all coordinates; others may give a few.
@@ -28,7 +29,10 @@ def way_between(
     """
     for one in scope.coordinates:
         for name in one.positions:
-            yield from _straight(name, _places(known, [name]), context)
+            places = _places(known, [name])
+            if one.joint.kind == "hinge" and not scope.mechanism.bodies[one.joint.body].parent:
+                places = list(_turned_in_flight(name, places, flights, context))
+            yield from _straight(name, places, context)
         if one.rotation is not None:
             yield from _turning(one, _places(known, one.rotation.quaternion), context)
     root = scope.coordinates[0] if scope.coordinates else None
@@ -95,6 +99,24 @@ def _thrown(
     return Guess(height, base + thrown, FrameRange(first, last), context.span(scope.statement))
 
 
+def _turned_in_flight(
+    name: str, places: Sequence[tuple[int, Values]], flights: Sequence[tuple[int, int]], context: Context
+) -> Iterator[tuple[int, Values]]:
+    """The places of an angle, with those at the ends of flights between two that are more than half a turn apart."""
+    yield from places[:1]
+    for (a, begin), (b, end) in pairwise(places):
+        within = [one for one in flights if a <= one[0] < one[1] <= b]
+        turn = context.number(end[name]) - context.number(begin[name])
+        turned, whole = 0, sum(last - first for first, last in within)
+        for first, last in within if abs(turn) > math.pi else []:
+            for frame in (first, last):
+                turned += (last - first) * (frame == last)
+                share = num(turned / whole)
+                if a < frame < b:
+                    yield frame, {name: begin[name] + mul(share, sub(end[name], begin[name]))}
+        yield b, end
+
+
 def _between(first: int, a: Expr, last: int, b: Expr) -> Expr:
     """Linear interpolation over frames."""
     if first == last:
@@ -140,7 +162,7 @@ def _turning(one: Coordinates, places: Sequence[tuple[int, Values]], context: Co
             ends[k] = -ends[k]
     for a, b in _stretches(places, context.n):
         half = math.acos(min(1.0, max(-1.0, float(ends[a] @ ends[b]))))
-        if half < 1e-9:
+        if half < 1e-7:  # an arc cosine is no more exact than the root of a rounding error
             bodies: list[Expr] = [num(float(part)) for part in ends[a]]
         else:
             first, last = places[a][0], places[b][0]

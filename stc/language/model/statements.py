@@ -61,8 +61,11 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
 
     given = scope.dynamics.actuation()
 
-    def between(body: Expr, ends: Sequence[float], text: str) -> Relation:
-        lower, upper = [num(end) if math.isfinite(end) else None for end in ends]
+    def between(body: Expr, ends: Sequence[float], text: str, margin: float = 0.0) -> Relation:
+        lower, upper = [
+            add(num(end), num(inwards)) if math.isfinite(end) else None
+            for end, inwards in zip(ends, (margin, -margin), strict=True)
+        ]
         return Relation(body, lower, upper, where, span, text)
 
     for one in scope.coordinates:
@@ -82,11 +85,11 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
             continue
         if one.rotation is None:
             name = one.positions[0]
-            yield between(sym(VariableRef(name)), joint.bounds, f"range of {name}")
+            yield between(sym(VariableRef(name)), joint.bounds, f"range of {name}", joint.margin)
         elif joint.kind == "ball":
             # The angle from the reference is 2 acos(abs(qw)): a bound of qw^2, whichever sign the quaternion has.
             real = sym(VariableRef(one.rotation.quaternion[0]))
-            least = math.cos(0.5 * min(joint.bounds[1], math.pi)) ** 2
+            least = math.cos(0.5 * max(0.0, min(joint.bounds[1] - joint.margin, math.pi))) ** 2
             yield Relation(real * real, num(least), None, where, span, f"range of joint {joint.name}")
     for actuator, force in zip(scope.mechanism.actuators, scope.dynamics.actuator_forces, strict=True):
         if not actuator.enabled:
@@ -104,7 +107,7 @@ def bounds(context: Context, scope: ModelScope) -> Iterator[Relation]:
     for index, tendon in enumerate(scope.mechanism.tendons):
         if tendon.limited:
             length = scope.dynamics.tendons[index].length
-            yield between(length, tendon.bounds, f"range of tendon {tendon.name}")
+            yield between(length, tendon.bounds, f"range of tendon {tendon.name}", tendon.margin)
         if tendon.force_limited:
             pulled = scope.dynamics.pull_on_tendon(index)
             text = f"range of the actuators' force on tendon {tendon.name}"
@@ -138,7 +141,8 @@ def replay_lines(context: Context, scope: ModelScope) -> Iterator[ReplayChannel]
         _, *path = parts_of(name)
         yield ReplayChannel("actuator", tuple(path), sym(VariableRef(name)), span)
     for name in scope.constants:
-        yield ReplayChannel("set", tuple(parts_of(name)), sym(ConstantRef(name)), span)
+        usual = None if name in scope.structural else scope.constants[name]
+        yield ReplayChannel("set", tuple(parts_of(name)), sym(ConstantRef(name)), span, usual)
 
 
 __all__ = ["bounds", "equations_of_motion", "replay_lines"]

@@ -393,7 +393,9 @@ def test_the_lamp_jumps_without_a_schedule(tmp_path: Path) -> None:
     rough = stc.load(DOCS / "lamp_free.stc").solve()
     assert rough.status == "optimal"
     write_schedule(rough, tmp_path / "scheduled.stc")
-    solution = stc.load(tmp_path / "scheduled.stc").solve(n=180)
+    solution = stc.load(tmp_path / "scheduled.stc").solve(
+        n=300
+    )  # as the page says; with 180 the energy balance is near its limit
     assert solution.status == "optimal"
     assert validate(solution).passed
 

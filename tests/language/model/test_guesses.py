@@ -86,3 +86,31 @@ def test_what_an_equality_holds_to_the_world_does_not_fall(tmp_path: Path) -> No
     )
     spec = "constants: n = 10, T = 0.5, h = T/n; constraints: [0]: keyframe.reference; rest;"
     assert Guess(tmp_path, hung, spec)("joint.root.z") == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_pose_alone_is_kept_however_its_quaternion_is_rounded(tmp_path: Path) -> None:
+    """The product of some unit quaternions with themselves is a little below 1."""
+    spec = "constants: n = 4, T = 0.5, h = T/n; constraints: [0]: keyframe.reference; rest;"
+    for angles in ("70.843 53.417 42.192", "10 20 30", "-41 7 100"):
+        turned = BOX.replace('name="box"', f'name="box" euler="{angles}"')
+        model = mujoco.MjModel.from_xml_string(turned)
+        start = Guess(tmp_path, turned, spec)
+        for k, part in enumerate("wxyz"):
+            assert start(f"joint.root.q{part}") == pytest.approx(model.qpos0[3 + k], abs=1e-9)
+
+
+def test_a_somersault_about_a_hinge_starts_in_the_air_alone(tmp_path: Path) -> None:
+    """Feet that stand flat keep the body upright; half way through the flight it is upside down."""
+    model = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 .1"/><body name="body" pos="0 0 .3">
+      <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+      <joint name="pitch" type="hinge" axis="0 1 0"/><geom size=".1" mass="1"/>
+      <body name="leg"><joint name="leg" type="slide" axis="0 0 1"/>
+      <geom name="foot" type="box" size=".1 .1 .05" pos="0 0 -.25" mass=".1"/></body></body></worldbody></mujoco>"""
+    spec = """constants: n = 12, T = 1.2, h = T/n;
+    contact: foot = foot(geom.foot), friction = 0.7; [0, 4]: foot; [8, n]: foot;
+    poses: end = keyframe.reference, joint.pitch = -2*pi;
+    constraints: [0]: keyframe.reference; rest;  [n]: end; rest;"""
+    pitch = Guess(tmp_path, model, spec)("joint.pitch")
+    assert pitch[:5] == pytest.approx(0.0, abs=1e-6)
+    assert pitch[6] == pytest.approx(-np.pi, abs=1e-6)
+    assert pitch[8:] == pytest.approx(-2.0 * np.pi, abs=1e-6)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from stc.errors import SpecError
 from stc.solution import Solution
 from stc.validate import validate
 
@@ -180,3 +182,78 @@ def test_a_loop_in_a_plane_that_turns_bears_nothing_across_it(tmp_path: Path, tu
     assert np.abs(np.cos(angle) * y - np.sin(angle) * x).max() < 1e-9 * np.abs([x, y]).max()
     report = validate(solution)
     assert report.passed, [str(m) for m in report.metrics if m.verdict == "fail"]
+
+
+#: A double pendulum, in a plane that may be tilted, and what ties its tip.
+_TIED = """<mujoco><worldbody><site name="here" pos="{at}"/><body name="post" pos="0 0 2"/>
+  <body name="arm" euler="{tilt}"><joint name="a" axis="0 1 0" damping=".1"/>
+  <geom type="capsule" fromto="0 0 0 .5 0 0" size=".03"/>
+  <body name="tip" pos=".5 0 0"><joint name="b" axis="0 1 0" damping=".1"/><site name="end" pos=".4 0 0"/>
+  <geom type="capsule" fromto="0 0 0 .4 0 0" size=".03"/></body></body></worldbody>
+  <equality>{ties}</equality></mujoco>"""
+_AT = '<connect name="tie" site1="end" site2="here"/>'
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("at", "tilt", "ties", "said"),
+    [
+        (".6 0 .3", "0 0 0", _AT, ""),
+        (".6 .2 .3", "0 0 0", _AT, "is 0.2 m or rad off in a direction in which no joint moves what it ties"),
+        (".6 -.2 0", "30 0 0", _AT, "off in a direction in which no joint moves what it ties"),
+        (".7 0 .8", "0 0 0", _AT, r"cannot hold: the nearest pose that was found is 0\..* m or rad off"),
+        ("0 0 0", "0 0 0", '<weld name="tie" body1="post" relpose="0 0 3 1 0 0 0"/>', "is 5 m or rad off"),
+    ],
+)
+def test_a_tie_that_no_pose_satisfies_is_told(
+    tmp_path: Path, at: str, tilt: str, ties: str, said: str
+) -> None:
+    """A circle of 0.9 m around the origin is what the tip reaches; across its plane nothing moves it."""
+    model = _TIED.format(at=at, tilt=tilt, ties=ties)
+    spec = "constants: n = 4, T = 0.1, h = T/n; constraints: [0]: rest;"
+    if "cannot" in said:
+        with pytest.raises(SpecError, match=said):
+            load(tmp_path, model, spec).problem()
+        return
+    warnings = load(tmp_path, model, spec).problem().warnings
+    assert [bool(re.search(said, str(warning))) for warning in warnings] == ([True] if said else [])
+
+
+#: A body on four legs that turn about the vertical and bend at the shoulder, as gymnasium's ant; or have a knee, too.
+SPIDER = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 .1"/>
+  <body name="body" pos="0 0 .4"><freejoint name="root"/><geom type="box" size=".1 .1 .05" mass="3"/>{legs}</body>
+  </worldbody></mujoco>"""
+SPIDER_LEG = """<body name="leg{k}" pos="{x} {y} 0"><joint name="yaw{k}" axis="0 0 1"/>
+  <joint name="pitch{k}" axis="{ax} {ay} 0"/><geom type="capsule" fromto="0 0 0 {x} {y} 0" size=".02" mass=".2"/>
+  <body name="shin{k}" pos="{x} {y} 0">{knee}<geom type="capsule" fromto="0 0 0 {x} {y} -.3" size=".02" mass=".2"/>
+  <geom name="foot{k}" size=".03" pos="{x} {y} -.37" mass=".1"/></body></body>"""
+
+
+@pytest.mark.parametrize("knees", [False, True])
+def test_a_flight_from_feet_that_lift_nothing_is_told(tmp_path: Path, knees: bool) -> None:
+    """By MuJoCo's Jacobians: on held feet legs of two joints do not raise the centre of mass, those of three do."""
+    corners = [(0.1, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.1, -0.1)]
+    legs = "".join(
+        SPIDER_LEG.format(k=k, x=x, y=y, ax=-y, ay=x, knee=f'<joint axis="{-y} {x} 0"/>' if knees else "")
+        for k, (x, y) in enumerate(corners)
+    )
+    model = SPIDER.format(legs=legs)
+    spec = """constants: n = 10, T = 1, h = T/n;
+contact: for k in 0..3: c{k} = point(geom.foot{k}), friction = 0.7;
+  [0, 4]: c0; c1; c2; c3;  [6, n]: c0; c1; c2; c3;
+constraints: [0]: keyframe.reference; rest;  [n]: keyframe.reference; rest;
+objective: [0, n]: integral(joint.yaw0'^2);
+"""
+    warnings = [str(one) for one in load(tmp_path, model, spec).problem().warnings]
+    m = mujoco.MjModel.from_xml_string(model)
+    d = mujoco.MjData(m)
+    mujoco.mj_forward(m, d)
+    feet, centre = np.zeros((12, m.nv)), np.zeros((3, m.nv))
+    for k in range(4):
+        place = d.geom(f"foot{k}").xpos - [0.0, 0.0, 0.03]
+        mujoco.mj_jac(m, d, feet[3 * k : 3 * k + 3], None, place, m.body(f"shin{k}").id)
+    mujoco.mj_jacSubtreeCom(m, d, centre, 1)
+    _, sizes, ways = np.linalg.svd(feet)
+    lifts = np.abs(ways[int((sizes > 1e-9).sum()) :] @ centre[2]).max() > 1e-9
+    assert lifts == knees
+    assert any("lift the centre of mass" in one for one in warnings) == (not lifts)

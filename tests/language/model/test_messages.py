@@ -33,6 +33,9 @@ CASES = {
         "contact: FL = point(site.FL); [0, n]: FL; constraints: [n]: FL.x = 1;",
         "such as `geom.NAME.x`; its forces are `FL_fx`",
     ),
+    "axis": ("constraints: body.trunk.xaxis = 1;", "with `.xaxis.x`, `.xaxis.y` and `.xaxis.z`"),
+    "energy": ("constraints: energy.total = 1;", "`energy.kinetic` or `energy.potential`"),
+    "guess": ("guess: body.trunk.z = 1;", "is no coordinate or control of the model"),
     "mass": ("constants: k = body.nothing.mass;", "is not declared"),
 }
 
@@ -60,6 +63,19 @@ def test_a_pose_that_floats_is_told_with_the_distance(tmp_path: Path) -> None:
     text = f"{START}{FEET} [0, n]: FL; FR; RL; RR;\nconstraints: [0]: keyframe.stand + (0, 0, 0.05); rest;"
     with pytest.raises(SpecError, match=r"`FL` is 0.05 m above the floor in this pose"):
         load(tmp_path, quadruped(), text).problem()
+
+
+def test_a_pose_is_grounded_on_what_its_feet_stand_on(tmp_path: Path) -> None:
+    """On a box, and on a slope, where the ground is not below the feet by the height along its normal."""
+    step = '<geom name="step" type="box" size=".5 .5 .05" pos="2 0 .05"/>'
+    slope = '<geom name="slope" type="plane" size="3 3 1" pos="-2 0 0" euler="0 .3 0"/>'
+    model = quadruped().replace('<geom name="floor"', f'{step}{slope}<geom name="floor"')
+    on = [f"{foot} on geom.{{0}};" for foot in ("FL", "FR", "RL", "RR")]
+    for name, x in (("step", 2), ("slope", -2)):
+        rows = " ".join(on if name == "step" else on[:2]).format(name)
+        text = f"""{START}{FEET} [6, n]: {rows}
+        constraints: [0]: keyframe.stand + (0, 0, 1); rest; [n]: keyframe.stand + ({x}, 0, 1) grounded; rest;"""
+        assert load(tmp_path, model, text).problem().of_model
 
 
 def test_a_pose_that_moves_what_is_held_is_refused(tmp_path: Path) -> None:
@@ -90,7 +106,8 @@ def test_what_cannot_be_stated_is_named_and_can_be_left_out(tmp_path: Path) -> N
 def test_a_missing_model_is_told_once(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(quadruped(), encoding="utf-8")
     spec = tmp_path / "motion.stc"
-    spec.write_text('model: "robor.xml";\nconstants: n = 3;\nconstraints: joint.FLh;', encoding="utf-8")
+    text = "constants: n = 3;\nconstraints: joint.FLh;\nguess: joint.FLh = 1; forces: joint.FLh: 2;"
+    spec.write_text(f'model: "robor.xml";\n{text}', encoding="utf-8")
     with pytest.raises(SpecError) as told:
         stc.load(spec).problem()
     assert str(told.value).count("error") == 1

@@ -12,7 +12,7 @@ from stc.problem import ConstantRef, IndexRef
 from stc.solution import Solution
 from stc.symbolic.expr import evaluate
 
-from .bodies import FEET, load, quadruped, residual
+from .bodies import FEET, load, put, quadruped, residual
 
 HOP = f"""constants: n = 30, T = 0.8, h = T/n, D = 0.4;
 {FEET}
@@ -52,6 +52,21 @@ def test_feet_have_no_force_in_flight_and_stay_in_the_cone(hop: Solution) -> Non
         weight = 9.81 * 13.6
         assert (np.hypot(x, y) <= 0.7 * z + 1e-3 * weight).all()
         assert z.min() > -1e-6
+
+
+@pytest.mark.slow
+def test_what_stands_takes_no_impulse_beyond_its_friction_while_a_foot_lands(tmp_path: Path) -> None:
+    """A foot is lifted and put down on three others: by Coulomb's law a foot that does not press does not rub."""
+    spec = f"""constants: n = 12, T = 1, h = T/n;
+    {FEET}
+      [0, n]: FR; RL; RR;  [0, 4]: FL;  [8, n]: FL;
+    constraints: [0]: keyframe.stand; rest;  [6]: site.FL.z = 0.15;  [n]: keyframe.stand; rest;
+    objective: [0, n]: integral(effort);"""
+    solution = load(tmp_path, quadruped(), spec).solve()
+    assert solution.status == "optimal"
+    for foot, end in (("FL", "1"), ("FR", "_impact1"), ("RL", "_impact1"), ("RR", "_impact1")):
+        x, y, z = (float(solution[f"{foot}_j{axis}{end}"]) for axis in "xyz")
+        assert np.hypot(x, y) <= 0.7 * z + 1e-6
 
 
 def test_quaternions_stay_unit(hop: Solution) -> None:
@@ -264,3 +279,35 @@ def test_a_periodic_motion_without_a_pose_starts_in_the_first_keyframe(tmp_path:
     spec = "constants: n = 10, T = 0.4, h = T/n; constraints: [0, n]: periodic + (0.3, 0, 0);"
     assert started(tmp_path, spec, "joint.FLk") == pytest.approx(-1.6)
     assert started(tmp_path, spec, "joint.root.x") == pytest.approx(np.linspace(0.0, 0.3, 11))
+
+
+#: Stops that push before the end of a range: of a slide, of a ball joint and of a tendon.
+STOPS = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+  <body><joint name="s" type="slide" axis="1 0 0" limited="true" range="-1 1" margin="0.1"/>
+    <geom size=".1" mass="1"/></body>
+  <body pos="0 1 0"><joint name="b" type="ball" limited="true" range="0 1" margin="0.1"/>
+    <geom type="box" size=".1 .2 .3" mass="1"/></body>
+  <body pos="0 2 0"><joint name="t" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/></body></worldbody>
+  <tendon><fixed name="rope" limited="true" range="-1 1" margin="0.1"><joint joint="t" coef="2"/></fixed></tendon>
+  <actuator><motor joint="s" name="s"/><motor joint="b" name="b" gear="1 0 0"/><motor joint="t" name="t"/></actuator>
+</mujoco>"""
+
+
+def test_no_stop_of_the_model_pushes_within_the_ranges_of_a_spec(tmp_path: Path) -> None:
+    spec = """constants: n = 20, T = 1, h = T/n;
+    constraints: [0]: keyframe.reference; rest;
+    guess: joint.b.qx = 0.3*t;
+    objective: [0, n]: integral(1e-3*effort);  [n]: -joint.s - joint.t - joint.b.qx;"""
+    solution = load(tmp_path, STOPS, spec).solve()
+    assert solution.status == "optimal"
+    m = mujoco.MjModel.from_xml_string(STOPS)
+    d = mujoco.MjData(m)
+    for k in range(solution.n + 1):
+        put(m, d, lambda name, order=0, k=k: float(solution.trajectories[name, order].before[k]))
+        d.qvel[:] = 0.0
+        mujoco.mj_forward(m, d)
+        assert np.abs(d.qfrc_constraint).max(initial=0.0) < 1e-6
+    # All of the ranges that the stops leave is used.
+    assert solution["joint.s"][-1] == pytest.approx(0.9, abs=1e-6)
+    assert solution["joint.t"][-1] == pytest.approx(0.45, abs=1e-6)
+    assert 2.0 * np.arcsin(solution["joint.b.qx"][-1]) == pytest.approx(0.9, abs=1e-6)

@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+import stc
+from stc.certification import certify
 from stc.errors import SpecError
 from stc.studies.equations import check_equations
+from stc.studies.replay_lines import check_replay_lines
 from stc.validate import validate
 
 from .bodies import load
@@ -140,3 +143,37 @@ def test_a_gear_of_several_numbers_does_not_keep_a_motion_from_being_judged(tmp_
     )
     report = validate(load(tmp_path, robot, spec).solve(), tmp_path / "robot.xml", tracked=False)
     assert max(m.value for m in report.metrics if m.name == "inverse-dynamics residual") < 1e-9
+
+
+def test_a_gear_of_several_parts_is_no_number_of_the_model(tmp_path: Path) -> None:
+    """The replay has the whole gear, of which the first part alone is not to be set."""
+    thrust = ARM.replace("</body>", '<site name="jet" pos="0 0 -.5"/></body>').replace(
+        'joint="a"/></actuator>', 'site="jet" gear="3 1 0 0 2 0"/></actuator>'
+    )
+    check_replay_lines(load(tmp_path, thrust, SPEC).problem())
+    with pytest.raises(SpecError, match="gear"):
+        check_replay_lines(load(tmp_path, thrust, SPEC + "replay: set actuator.a.gear = 2;").problem())
+
+
+FAULTS = {
+    'mass="1"': ('mass="1.1"', "joint a: mass matrix entry"),
+    'armature=".01"': ("", "joint a: mass matrix entry"),
+    'joint="a"/></': ('joint="a" gear="-1"/></', "joint a: force of actuator.a: spec 1, model -1"),
+    'damping=".02"': ("", "joint a: damping by a'"),
+    'frictionloss=".03"': ("", "joint.a.frictionloss were 0.03 instead of 0"),
+}
+
+
+@pytest.mark.parametrize("right", FAULTS)
+def test_numbers_of_another_model_that_is_replayed_are_judged(tmp_path: Path, right: str) -> None:
+    """Those of the spec's own model do not hide them; a number that the spec changes counts for both."""
+    wrong, words = FAULTS[right]
+    arm = ARM.replace('armature=".01"', 'armature=".01" damping=".02" frictionloss=".03"')
+    assert right in arm
+    (tmp_path / "other.xml").write_text(arm.replace(right, wrong), encoding="utf-8")
+    spec = SPEC + 'constants: option.gravity.z = -9; replay: model = "other.xml";'
+    load(tmp_path, arm, spec).solve().save(tmp_path / "motion.npz")
+    certificate = certify(stc.read(tmp_path / "motion.npz"))
+    assert not certificate.passed
+    assert words in certificate.headline
+    assert "gravity" not in certificate.headline

@@ -14,7 +14,7 @@ from stc.solution import ReplayChannel
 from stc.trajectory import Channel
 from stc.validate import Metric
 from stc.validate.certificate.advice import next_steps
-from stc.validate.certificate.causes import swinging_forces
+from stc.validate.certificate.causes import swing_steps, swinging_forces
 from stc.validate.verdict import open_setup
 
 ROD = """
@@ -79,6 +79,14 @@ def test_frames_are_not_to_blame_where_the_solved_contact_forces_give_the_motion
     assert any("; or stiffer;" in step for step in next_steps(coarse, False, "--set n=200", soft="stiffer"))
 
 
+@pytest.mark.parametrize(("energy", "told"), [(-25.0, True), (0.0, False)])
+def test_a_landing_that_the_replay_does_not_follow_should_be_gentler(energy: float, told: bool) -> None:
+    impact = Metric("energy at velocity jumps", "motion", energy, "J")
+    steps = next_steps([judged("tracked error on the ground, RMS", False), impact], True)
+    assert any("`landing = 20`" in step for step in steps) == told
+    assert not next_steps([judged("tracked error on the ground, RMS", True), impact], True)
+
+
 def test_a_limit_of_the_model_is_named(tmp_path: Path) -> None:
     """The swing to 1 rad runs into a stop at 0.8 rad."""
     certificate = certify(rod(tmp_path, 'limited="true" range="-1 0.8"', RIGHT))
@@ -122,3 +130,7 @@ def test_forces_that_swing_from_node_to_node_are_named(tmp_path: Path, size: flo
         line.startswith("the force of contact body.rod.fz alternates from node to node in frames 0 to 6")
         for line in lines
     )
+    # One line is enough, however many forces swing.
+    solution.replay.append(ReplayChannel("contact", ("body", "rod", "fx"), force))
+    steps = swing_steps(open_setup(solution))
+    assert [" (and 1 more), which no contact" in step for step in steps] == [True] * told
