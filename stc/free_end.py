@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.deadline import within
 from stc.optimizers import Minimizer
 from stc.records import dataclass
 from stc.solver import Options, Result, Start, Status
@@ -115,18 +114,6 @@ def by_free_end(
         callback: called after every iteration.
         minimizer: solves a program.
     """
-    with within(options.time_limit):
-        return _solved(transcription, bound, options, callback, minimizer)
-
-
-def _solved(
-    transcription: Transcription,
-    bound: BoundProgram,
-    options: Options,
-    callback: Callable[[Any], bool | None] | None,
-    minimizer: Minimizer,
-) -> Result:
-    """As :func:`by_free_end`, within a time limit that holds outside."""
     end = _end(transcription, bound)
     if not len(end.at) or not options.retries:
         return minimizer(bound, options, start=None, callback=callback)

@@ -30,7 +30,7 @@ from stc.same_motion import (
     takes_longer,
 )
 
-__all__ = ["MOST_AT_ONCE", "ORDER", "Spread", "growth_for", "in_shares"]
+__all__ = ["MOST_AT_ONCE", "ORDER", "SAFETY", "Spread", "growth_for", "in_shares"]
 
 FloatArray = NDArray[np.float64]
 
@@ -41,6 +41,8 @@ LOWEST_ORDER = 0.7
 
 MOST_AT_ONCE = 8
 """Largest factor by which the frames of a phase increase from one solve to the next."""
+SAFETY = 0.5
+"""The number of frames is chosen so that the errors fall to this share of their limits."""
 
 
 def in_shares(model: Model, method: str | None = None, **constants: float) -> Model:

@@ -19,7 +19,7 @@ from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
-from stc.studies.frames import MOST_AT_ONCE, ORDER, Spread, in_shares
+from stc.studies.frames import MOST_AT_ONCE, ORDER, SAFETY, Spread, in_shares
 from stc.studies.grid_error import GROSS, local_grid_error
 from stc.studies.refinement import MOST_FROM_GROSS
 from stc.validate.certificate import certify
@@ -28,8 +28,6 @@ from stc.validate.metrics import Metric
 
 __all__ = ["Attempt", "Passing", "frames_needed", "solve_until_passed"]
 
-SAFETY = 0.5
-"""The number of frames is chosen so that the errors fall to this share of their limits."""
 MOST_ATTEMPTS = 5
 NO_FALL = 0.7
 """The search stops if, with more frames, the worst measurement is not below this share of the last one."""

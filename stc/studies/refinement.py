@@ -23,13 +23,11 @@ from stc.studies.discretisation import Estimate, estimate
 from stc.studies.doubled import FROM_COARSER
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import SAME, solve_finer
-from stc.studies.frames import ORDER, Spread, growth_for, in_shares, observed_order
+from stc.studies.frames import ORDER, SAFETY, Spread, growth_for, in_shares, observed_order
 from stc.studies.grid_error import GROSS, NO_GUESS, local_grid_error
 
 __all__ = ["Level", "Refinement", "refine"]
 
-SAFETY = 0.5
-"""The next solve aims at this share of the tolerance."""
 MOST_LEVELS = 20
 MOST_FRAMES = 50_000
 MOST_FROM_GROSS = 2

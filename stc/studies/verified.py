@@ -26,7 +26,7 @@ from stc.records import dataclass, field
 from stc.solution import Solution
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
-from stc.studies.frames import Spread, growth_for, in_shares, observed_order
+from stc.studies.frames import SAFETY, Spread, growth_for, in_shares, observed_order
 from stc.validate import limits
 from stc.validate.certificate.causes import beyond_limits
 from stc.validate.inverse import inverse_dynamics
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Round", "Verification", "solve_until_verified"]
 
-SAFETY = 0.5
-"""The next round aims at this share of the tolerance."""
 MOST_ROUNDS = 10
 MOST_FRAMES = 20_000
 NO_FALL = 0.7

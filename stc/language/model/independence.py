@@ -123,11 +123,7 @@ def remain_dependent(point: Point, rates: Sequence[Expr]) -> bool:
     left, sizes, right = np.linalg.svd(point.jacobian(rates))
     rank = int(np.sum(sizes > DEPENDENT))
     zero, free = left[:, rank:], right[rank:].T
-    change = [
-        (point.moved(_NEAR * v).jacobian(rates) - point.moved(-_NEAR * v).jacobian(rates)) / (2.0 * _NEAR)
-        for v in free.T
-    ]
-    bent = np.einsum("ru,jrn,nk->ujk", zero, np.array(change).reshape(-1, *left.shape[:1], len(right)), free)
+    bent = np.einsum("ru,jrn,nk->ujk", zero, _changes(point, rates, free.T), free)
     along = np.eye(free.shape[1])
     while True:
         forms = [along.T @ (one + one.T) @ along for one in bent]
@@ -158,13 +154,7 @@ def are_integrable(point: Point, rates: Sequence[Expr]) -> bool:
     rows = point.jacobian(rates)
     sizes, right = np.linalg.svd(rows)[1:]
     free = right[int(np.sum(sizes > DEPENDENT)) :]
-    change = [
-        (point.moved(_NEAR * v).jacobian(rates) - point.moved(-_NEAR * v).jacobian(rates))
-        @ free.T
-        / (2.0 * _NEAR)
-        for v in free
-    ]
-    bent = np.array(change).reshape(len(free), len(rows), len(free))
+    bent = _changes(point, rates, free) @ free.T
     bracket = np.zeros((len(free), len(free), rows.shape[1]))
     at = 0
     for one in point.scope.coordinates:
@@ -175,6 +165,15 @@ def are_integrable(point: Point, rates: Sequence[Expr]) -> bool:
             at += 3
     around = bent.transpose(0, 2, 1) - bent.transpose(2, 0, 1) - bracket @ rows.T
     return not np.any(np.abs(around) > _FLAT)
+
+
+def _changes(point: Point, rates: Sequence[Expr], directions: Matrix) -> Matrix:
+    """(k, rows, nv) the derivative of the Jacobian of rows along each direction, (k, nv), by central differences."""
+    change = [
+        (point.moved(_NEAR * v).jacobian(rates) - point.moved(-_NEAR * v).jacobian(rates)) / (2.0 * _NEAR)
+        for v in directions
+    ]
+    return np.array(change).reshape(len(directions), len(rates), directions.shape[1])
 
 
 def independent(rows: Matrix, given: Matrix, seen: tuple[Matrix, Matrix] | None = None) -> list[int]:
