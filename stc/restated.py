@@ -23,7 +23,7 @@ from stc.problem import Problem
 from stc.recorded_files import DATA_ROLE, RecordedFile, present, unpacked
 from stc.records import dataclass
 from stc.solution import Solution
-from stc.solution_file import MISSHAPEN, PLAIN_FACTS, damaged, files_of, load
+from stc.solution_file import MISSHAPEN, PLAIN_FACTS, damaged, files_of, load, model_files
 from stc.stored import Stored
 from stc.trajectory import FloatArray
 from stc.transcription.multipliers import bound_nodes, multiplier_blocks, rows_by_statement
@@ -102,7 +102,8 @@ def problem_of(solution: Solution) -> Problem:
         SpecError: the text is not a spec.
         UsageError: a constant in the solution's overrides is not declared in the text.
     """
-    key = _key(solution.source, solution.overrides, solution.method, [*solution.files, *solution.data])
+    files = [*model_files(solution), *solution.data]
+    key = _key(solution.source, solution.overrides, solution.method, files)
     if not _last or _last[0].key != key:
         problem = elaborate(parse(source_of(solution)), solution.overrides, solution.method)
         _last[:] = [_Restated(key, problem)]

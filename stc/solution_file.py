@@ -211,7 +211,7 @@ def stored_of(solution: Solution) -> Stored:
     facts["multipliers"] = [{"kind": block.kind, "label": block.label} for block in solution.multipliers]
     members.update({f"multipliers/{k}": block.values for k, block in enumerate(solution.multipliers)})
     facts["files"] = []
-    for k, file in enumerate([*(solution.files or _files_of(solution)), *solution.data]):
+    for k, file in enumerate([*model_files(solution), *solution.data]):
         known = {"role": file.role, "path": file.path, "sha256": file.sha256, "bytes": file.size}
         facts["files"].append({**known, "carried": file.content is not None})
         if file.content is not None:
@@ -219,8 +219,10 @@ def stored_of(solution: Solution) -> Stored:
     return Stored(facts, members)
 
 
-def _files_of(solution: Solution) -> list[RecordedFile]:
-    """The present files of a solution's model."""
+def model_files(solution: Solution) -> list[RecordedFile]:
+    """The files of the model of a solution: those it was read with; of one that was just solved the present ones."""
+    if solution.files:
+        return list(solution.files)
     if solution.model is None:
         return []
     beside = Path(solution.directory) / solution.model if solution.directory else None
