@@ -24,8 +24,8 @@ from stc.language.elaborate import elaborate
 from stc.language.model.schedule import WAYS
 from stc.language.parser import parse
 from stc.problem import Problem, VariableRef
-from stc.restated import source_of, stated_again
 from stc.solution import Solution
+from stc.solution_restated import source_of, stated_again
 from stc.symbolic.expr import ZERO, symbols
 
 __all__ = ["found_ranges", "write_schedule"]

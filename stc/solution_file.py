@@ -15,7 +15,7 @@
     ==============================  =====  =============================================================================
 
     Times, derivatives that are differences, and what a replay needs follow from these and the text:
-    :mod:`stc.restated` evaluates them.
+    :mod:`stc.solution_restated` evaluates them.
 
 ``.csv``
     The same as text.  Lines starting with ``#`` hold the facts, and all other values as JSON; below them is
@@ -40,7 +40,7 @@ from stc.arguments import path as file_path
 from stc.atomic import replacing
 from stc.errors import SolutionError, UsageError
 from stc.recorded_files import DATA_ROLE, RecordedFile, record
-from stc.stored import FORMAT, Stored, check_facts
+from stc.solution_content import FORMAT, Stored, check_facts
 
 if TYPE_CHECKING:
     from stc.solution import Solution
@@ -79,7 +79,7 @@ def write(solution: Solution, path: str | os.PathLike[str]) -> None:
         raise UsageError(f"cannot tell the format of {target.name!r}: a solution file ends in .npz or .csv")
     if solution.origin is None:
         # By name: nothing here is imported from the layers above.
-        import_module("stc.restated").require_stated(solution)
+        import_module("stc.solution_restated").require_stated(solution)
     stored = stored_of(solution)
     with replacing(target) as temporary, temporary.open("wb") as stream:
         writer(stored, stream)

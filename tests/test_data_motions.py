@@ -12,8 +12,8 @@ from scipy.interpolate import CubicSpline
 import stc
 from stc import specs
 from stc.errors import SolutionError, SpecError
-from stc.judging import judge
 from stc.solution import Solution
+from stc.solution_claims import judge
 
 PENDULUM = """
 constants: n = 40, T = 1.5, h = T/n, k = 3;

@@ -156,7 +156,7 @@ def examine(
     with caught_warnings() as warnings:
         setup = open_setup(solution, model, force=force)
         # By name: nothing here is imported from the layers above.
-        claims: Claims = import_module("stc.judging").judge(setup.solution)
+        claims: Claims = import_module("stc.solution_claims").judge(setup.solution)
         replays = run_replays(setup, time_step, integrator, tracked)
         report = _judge(replays, statements, claims)
     report.notes = [*report.notes, *warnings]

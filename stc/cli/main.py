@@ -20,7 +20,7 @@ from stc.cli.messages import ended, report, say_ended
 from stc.cli.statuses import BAD, GOOD, MISTAKE
 from stc.errors import EndedError, SpecError, StcError, UnsolvedError
 from stc.memory import stay_within_memory
-from stc.visible import VisibleStream
+from stc.terminal_text import VisibleStream
 
 __all__ = ["main", "run"]
 

@@ -47,8 +47,8 @@ def subject(target: str, options: SolveOptions) -> tuple[Model, str | None]:
     if not is_solution(target):
         return load(target, options.constants), options.method
     from stc.pipeline import Model
-    from stc.restated import source_of
     from stc.solution import read
+    from stc.solution_restated import source_of
 
     path = existing_solution(target)
     solution = read(path)

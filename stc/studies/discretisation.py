@@ -33,10 +33,10 @@ from numpy.typing import NDArray
 
 from stc.phases import phases, resolved, stretches
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, Rotation, TimeRef, VariableRef
-from stc.rates import quaternion_product
 from stc.records import dataclass
 from stc.solution import Solution
 from stc.symbolic.expr import Expr, evaluate_all, neg, sym, symbols
+from stc.time_derivatives import quaternion_product
 from stc.transcription.schemes import stencil_reach
 
 __all__ = ["Estimate", "estimate"]

@@ -17,8 +17,8 @@ from stc.errors import UnsolvedError, UsageError
 from stc.pipeline import Model
 from stc.problem import Problem
 from stc.records import dataclass, field
-from stc.same_motion import instead_of_sum
 from stc.solution import Solution
+from stc.solving.same_motion import instead_of_sum
 from stc.studies.frames import Spread
 from stc.validate import limits
 from stc.validate.metrics import Metric

@@ -76,7 +76,7 @@ stc.cli.main.main()
 #: Phases of a solve by a function that each goes through.
 PHASES = {
     "parsing": ("stc.pipeline", "", "parse"),
-    "stating": ("stc.kept_transcriptions", "", "elaborate"),
+    "stating": ("stc.solving.kept_transcriptions", "", "elaborate"),
     "deriving": ("stc.transcription.derive", "Group", "differentiate"),
     "compiling": ("stc.transcription.transcription", "", "compile_tapes"),
     "binding": ("stc.transcription.transcription", "", "evaluate_bounds"),

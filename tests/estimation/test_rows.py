@@ -12,10 +12,10 @@ from scipy.optimize import least_squares
 import stc
 from stc.cli.main import run
 from stc.errors import Source, SpecError, UsageError
-from stc.judging import judge
 from stc.language import read_problem
 from stc.language.show import show_problem
 from stc.pipeline import Model
+from stc.solution_claims import judge
 from stc.studies.uncertainty import uncertainty
 from stc.transcription import transcribe
 

@@ -34,8 +34,8 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
-from stc.rates import one_sided
 from stc.symbolic.expr import ONE, ZERO, Expr, call, div, mul, neg, num, sub, sum_of, sym
+from stc.time_derivatives import one_sided
 
 #: Share of the weight by which friction may exceed its cone where a contact bears nothing.
 NEGLIGIBLE = 1e-4

@@ -27,10 +27,10 @@ from stc.language.model.mirror import other_side
 from stc.language.model.pose_rows import Stated, Values
 from stc.language.model.scope import ModelScope
 from stc.problem import Correction, Fixture, FrameRange, ParameterRef, Relation, VariableRef
-from stc.rates import one_sided
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import adjoints
 from stc.symbolic.expr import ZERO, Expr, neg, num, sym
+from stc.time_derivatives import one_sided
 
 #: A pinned pose that has a contact farther off its surface than this, in m, is a mistake.
 OFF_SURFACE = 1e-3

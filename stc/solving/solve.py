@@ -11,18 +11,18 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stc import unfinished
-from stc.collecting import collect
 from stc.deadline import left
-from stc.free_end import by_free_end
-from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way
 from stc.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
 from stc.problem import Problem
 from stc.records import dataclass, field
-from stc.relaxing import brought_down
 from stc.solution import Solution
 from stc.solver import Options, Result, Start, Status
 from stc.solver.status import advice, sentence
+from stc.solving import in_progress
+from stc.solving.collect import collect
+from stc.solving.complementarity import brought_down
+from stc.solving.fewer_frames import FINE, FewerFrames, Fineness, Nested, half_way
+from stc.solving.free_end import by_free_end
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
 from stc.transcription.statements import highest_orders
@@ -68,7 +68,7 @@ def solve(
 ) -> tuple[BoundProgram, Result]:
     """Bind constants, compile if necessary, and minimise.
 
-    Products that should be zero are reduced in several solves (see :mod:`stc.relaxing`).
+    Products that should be zero are reduced in several solves (see :mod:`stc.solving.complementarity`).
 
     Args:
         transcription: of the problem.
@@ -116,7 +116,7 @@ def _once(
         bound = transcription.bind(constants, None if start is None else start.x)
         if start is not None:
             start = replace(start, x=bound.x0)
-    under_way = unfinished.current
+    under_way = in_progress.current
     if under_way is not None and under_way.transcription is transcription:
         under_way.start = bound.x0
     if bound.contradictions:

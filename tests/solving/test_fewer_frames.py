@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import stc
-from stc.nested import ITERATIONS, NEARLY, Nested, fewer_frames, half_way
 from stc.pipeline import Model
 from stc.solver import IterationRecord, Options, Result, Start, Status
-from stc.solving import ColdSolve
+from stc.solving.fewer_frames import ITERATIONS, NEARLY, Nested, fewer_frames, half_way
+from stc.solving.solve import ColdSolve
 
 PENDULUM = """
 constants: n = 400, T = 2, g = 9.81, umax = 14;
@@ -354,9 +354,9 @@ def test_motions_are_alike_where_all_that_moves_stays_near(method: str) -> None:
 
 def test_what_few_frames_have_flattered_is_not_solved_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     once = stc.load(PENDULUM).solve()
-    monkeypatch.setattr("stc.nested.WORSE", -1.0)  # as if they had promised more
+    monkeypatch.setattr("stc.solving.fewer_frames.WORSE", -1.0)  # as if they had promised more
     assert stc.load(PENDULUM).solve().iterations == once.iterations
-    monkeypatch.setattr("stc.solving.ALIKE", -1.0)
+    monkeypatch.setattr("stc.solving.solve.ALIKE", -1.0)
     assert stc.load(PENDULUM).solve().iterations > once.iterations
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from stc.arguments import numbers
 from stc.errors import StcError
 from stc.pipeline import Model
-from stc.restated import problem_of, source_of
 from stc.solution import Solution
+from stc.solution_restated import problem_of, source_of
 
 if TYPE_CHECKING:
     from stc.validate.statements import StatementCheck
@@ -35,7 +35,7 @@ def resolve(solution: Solution, **changes: Any) -> Solution:
 
 def statements_between(solution: Solution) -> list[StatementCheck]:
     """A solution's own statements between its frames; empty if its text cannot be parsed."""
-    from stc.between import check_statements
+    from stc.statements_between import check_statements
 
     if not solution.n:
         return []

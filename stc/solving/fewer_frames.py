@@ -15,8 +15,8 @@ from math import ceil, gcd
 import numpy as np
 
 from stc import deadline
-from stc.alignment import Alignment
 from stc.errors import EndedError, SpecError, UsageError
+from stc.guesses.alignment import Alignment
 from stc.language.constants import Constants
 from stc.language.diagnostics import Diagnostics
 from stc.language.elaborate import elaborate
@@ -25,10 +25,10 @@ from stc.language.syntax import SpecTree
 from stc.phases import named_cuts
 from stc.problem import Problem
 from stc.records import dataclass
-from stc.same_motion import check_same_motion, takes_longer
 from stc.solution import Solution
 from stc.solver import IterationRecord, Options, Result, Start, Status
 from stc.solver.status import advice, sentence
+from stc.solving.same_motion import check_same_motion, takes_longer
 
 __all__ = [
     "COARSE",
