@@ -72,6 +72,7 @@ def listing(name: str) -> str:
             else []
         )
         lines += [f"left out or changed: {change}" for change in mechanism.changes]
+    lines += [f"warning: {doubt}" for doubt in mechanism.warnings]
     for one in filter(mechanism.welded_to_mocap, mechanism.equalities):
         first, second = (path_of("body", mechanism.bodies[body].name) for body in (one.first, one.second))
         lines += [
