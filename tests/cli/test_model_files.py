@@ -48,8 +48,9 @@ _LIFT = """<mujoco><worldbody><body><joint name="lift" type="slide" axis="0 0 1"
     <geom type="capsule" fromto="0 0 0 .2 0 0" size=".02"/></body></body></worldbody>
     <actuator><motor joint="lift"/><motor joint="turn"/></actuator></mujoco>"""
 _SATELLITE = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
-    <geom type="box" size=".3 .3 .4"/><body name="wheel"><joint name="wheel"/><geom type="cylinder" size=".1 .03"/></body></body></worldbody>
-    <actuator><motor joint="wheel"/></actuator></mujoco>"""
+    <geom type="box" size=".3 .3 .4"/>
+    <body name="wheel"><joint name="wheel"/><geom type="cylinder" size=".1 .03"/></body>
+    </body></worldbody><actuator><motor joint="wheel"/></actuator></mujoco>"""
 
 
 @pytest.mark.parametrize("model", [_LIFT, _SATELLITE])
