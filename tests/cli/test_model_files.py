@@ -28,6 +28,22 @@ def test_a_model_is_listed_with_what_is_refused(tmp_path: Path, capsys: pytest.C
     assert "cannot be stated:" in shown
     assert "sticky.xml:2" in shown
     assert "without adhesion" in shown
+    assert "overlap" not in shown
+
+
+def test_bodies_that_are_drawn_one_in_another_are_listed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A turret in its base: MuJoCo lets no body collide with its parent, unless that is fixed to the world."""
+    model = tmp_path / "turret.xml"
+    turret = '<body name="turret"><joint/><geom size=".1"/><body name="gun"><joint/><geom size=".1"/></body></body>'
+    model.write_text(
+        f'<mujoco><worldbody><body name="base"><geom size=".1"/>{turret}</body></worldbody></mujoco>',
+        encoding="utf-8",
+    )
+    assert run(["show", str(model)]) == 0
+    (line,) = [each for each in capsys.readouterr().out.splitlines() if "overlap" in each]
+    assert line.endswith("`with excludes`: base and turret; base and gun")
 
 
 @pytest.mark.parametrize("model", ["arm.xml", pytest.param("quadruped.xml", marks=pytest.mark.nightly)])
