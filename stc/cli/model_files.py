@@ -74,6 +74,11 @@ def listing(name: str) -> str:
         pairs = [" and ".join(mechanism.bodies[body].name for body in pair) for pair in sorted(overlap)]
         lines.append(f"these overlap in the pose that the file draws, and {fate}: {'; '.join(pairs)}")
     lines += [f"warning: {doubt}" for doubt in mechanism.warnings]
+    lines += [
+        f"tendon {one.name} is {_range(one.bounds)} long: a bound of the motion, which does not pull as a rope does"
+        for one in mechanism.tendons
+        if one.limited
+    ]
     for one in filter(mechanism.welded_to_mocap, mechanism.equalities):
         first, second = (path_of("body", mechanism.bodies[body].name) for body in (one.first, one.second))
         lines += [
