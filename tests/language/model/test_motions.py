@@ -271,7 +271,9 @@ def test_a_side_without_a_counterpart_is_told(tmp_path: Path) -> None:
         for name in ("hip_L", "hip_R", "left_arm", "lever")
     )
     text = f"<mujoco><worldbody><body><freejoint/><geom size='.1'/>{sides}</body></worldbody></mujoco>"
-    spec = "constants: n = 8, h = 0.1; constraints: [0, n]: periodic mirrored; objective: [0, n]: integral(0);"
+    spec = (
+        "constants: n = 8, h = 0.1; constraints: [0, n]: periodic mirrored; objective: [0, n]: integral(0);"
+    )
     (told,) = load(tmp_path, text, spec).problem().warnings
     assert "`left_arm` has no counterpart" in told.message
 
