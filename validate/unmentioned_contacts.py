@@ -147,11 +147,13 @@ def _told(setup: Setup, touches: dict[tuple[int, int], list[float]], what: str) 
         names = f"geoms {_title(model, a)} and {_title(model, b)}"
         own = next((g for g in (a, b) if int(model.body_weldid[model.geom_bodyid[g]]) in lifted), None)
         if own is None:
-            found.append(
-                Touch(
-                    f"{names} {what} at t = {times[0]:.4g} s, which no `contact` line mentions",
-                    "keep them apart, or state the force between them and give it in `contact` lines under replay:",
+            hint = "keep them apart, or state the force between them and give it in `contact` lines under replay:"
+            if np.all(model.geom_bodyid[[a, b]]):
+                hint += (
+                    "; bodies that overlap as they are drawn need `with excludes` after the name of the model"
                 )
+            found.append(
+                Touch(f"{names} {what} at t = {times[0]:.4g} s, which no `contact` line mentions", hint)
             )
             continue
         first, last = _stretch(setup, times)

@@ -172,7 +172,8 @@ def _completed(file: Path) -> tuple[Mechanism, str]:
     else:
         if len(read_model(file, additions=("excludes",)).excluded) > len(plain.excluded):
             added += ("excludes",)
-        if _travels(plain, objects(plain)) and all(geom.body for geom in plain.geoms):
+        falls = any(plain.options.gravity) and _travels(plain, objects(plain))
+        if falls and all(geom.body for geom in plain.geoms):
             added += ("floor",)
     if any(plain.welded_to_mocap(each) for each in plain.equalities):
         added += ("mocap",)
@@ -298,7 +299,11 @@ class _Pages:
             if not poses and self.driven:
                 title = "holds the joints that its motors move"
                 yield self._page(title, 0.05, changes=self.within, held=self.driven)
-        elif mechanism.actuators and "contact" not in mechanism.options.disabled:
+        elif (
+            mechanism.actuators
+            and any(mechanism.options.gravity)
+            and "contact" not in mechanism.options.disabled
+        ):
             # A chassis that carries wheels may stand on them alone, or on a caster as well.
             for whole in (False, True):
                 level = stance.lowest(_LEVEL, whole)

@@ -74,6 +74,26 @@ def values(report: Report, name: str) -> list[float]:
     return [metric.value for metric in report.metrics if metric.name.startswith(name)]
 
 
+@pytest.mark.parametrize(("overstepped", "right"), [(2e-9, True), (1e-5, False)])
+def test_a_stiff_servo_may_overstep_its_range_as_little_as_a_solver_does(
+    overstepped: float, right: bool, tmp_path: Path
+) -> None:
+    """MuJoCo clamps its control, so that its force is wrong by the stiffness times that."""
+    stiff, method, n = 1e5, "hermite-simpson", 20
+    solution = swing(tmp_path, n)
+    control = nodes(method, solution.time, lambda t: angle(t) + torque(t) / stiff)
+    line = next(k for k, each in enumerate(solution.replay) if each.kind == "actuator")
+    solution.replay[line] = ReplayChannel("actuator", ("torque",), control)
+    fine = np.linspace(0, 1.2, 2 * n + 1)
+    most = np.abs(angle(fine) + torque(fine) / stiff).max() / (1.0 + overstepped)
+    servo = f'<position name="torque" joint="pivot" kp="{stiff}" ctrlrange="{-most} {most}"/>'
+    motor = '<motor name="torque" joint="pivot"/>'
+    (tmp_path / "pendulum.xml").write_text(PENDULUM.format(more="").replace(motor, servo))
+    (residual,) = [m for m in validate(solution).metrics if m.name == "inverse-dynamics residual"]
+    assert residual.limit is not None
+    assert (residual.value <= residual.limit) == right
+
+
 @pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
 def test_true_torques_leave_no_residual(tmp_path: Path, method: str) -> None:
