@@ -34,7 +34,7 @@ def check(fault: Fault, folder: Path) -> None:
     assert re.match(rf"joint \w+: ({TERMS})", certificate.headline), certificate.headline
 
 
-@pytest.mark.daily_every(4)
+@pytest.mark.daily_every(7)
 @pytest.mark.parametrize("fault", SOME, ids=lambda fault: fault.what)
 def test_some(fault: Fault, tmp_path: Path) -> None:
     check(fault, tmp_path)
