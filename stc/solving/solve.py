@@ -21,7 +21,7 @@ from stc.solver.status import advice, sentence
 from stc.solving import in_progress
 from stc.solving.collect import collect
 from stc.solving.complementarity import brought_down
-from stc.solving.fewer_frames import FINE, FewerFrames, Fineness, Nested, half_way
+from stc.solving.fewer_frames import FINE, FewerFrames, Fineness, Nested
 from stc.solving.free_end import by_free_end
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
@@ -228,9 +228,7 @@ class ColdSolve:
         if self.transcription.is_quadratic or self.problem.relaxation:
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
-        nested = Nested(
-            self._coarse, self._between, self._follow, self._alike, self._fine, self.options, self.callback
-        )
+        nested = Nested(self._coarse, self._follow, self._alike, self._fine, self.options, self.callback)
         if fewer is not None:
             return nested.fewer_first(fewer.ratio)
         return nested.fewer_for_help(lambda fineness: self._reduce(fineness) is not None)
@@ -251,31 +249,12 @@ class ColdSolve:
         seconds["compile"] += reduced.seconds.pop("compile", 0.0)
         return fewer
 
-    def _coarse(
-        self, options: Options, told: Callback | None, start: Start | None = None, bound: BoundProgram | None = None
-    ) -> Solution:  # fmt: skip
-        """The motion on fewer frames, from their own guess or a start, and the program that was bound for that."""
+    def _coarse(self, options: Options, told: Callback | None) -> Solution:
+        """The motion on fewer frames, from their own guess."""
         assert self._reduced is not None
         small, reduced, given = self._reduced
-        _, result = solve(
-            reduced, small.constants, options, start, told, minimizer=self.minimizer, bound=bound
-        )
+        _, result = solve(reduced, small.constants, options, None, told, minimizer=self.minimizer)
         return collect(reduced, result, small.constants, given, {})
-
-    def _between(
-        self, motion: Solution, options: Options, told: Callback | None
-    ) -> tuple[Solution, float] | None:
-        """The motion half way from that on fewer frames to all; None where the spec offers none."""
-        assert self._reduced is not None
-        few = self._reduced[0]
-        fineness = half_way(few.n, self.problem.n)
-        fewer = None if fineness is None else self._reduce(fineness)
-        if fewer is None:
-            return None
-        some, reduced, _ = self._reduced
-        start, bound = self.model.follow(motion, reduced, some, few)
-        options = replace(options, warm_start=True, trusting=False)
-        return self._coarse(options, told, start, bound), fewer.ratio
 
     def _follow(self, motion: Solution) -> Start:
         """The start on all frames at a motion that was solved on fewer."""
