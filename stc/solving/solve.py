@@ -218,7 +218,6 @@ class ColdSolve:
     seconds: dict[str, float] = field(
         default_factory=lambda: dict.fromkeys(("derive", "compile", "solve"), 0.0)
     )
-    _known: dict[Fineness, tuple[Problem, Transcription, Mapping[str, float]]] = field(default_factory=dict)
     _reduced: tuple[Problem, Transcription, Mapping[str, float]] | None = None
     _followed: BoundProgram | None = None
 
@@ -238,10 +237,8 @@ class ColdSolve:
         if fewer is None:
             return None
         begin = time.perf_counter()
-        if fineness not in self._known:
-            given = {**self.given, **fewer.constants}
-            self._known[fineness] = *self.model.compiled(self.problem.method, given), given
-        self._reduced = self._known[fineness]
+        given = {**self.given, **fewer.constants}
+        self._reduced = *self.model.compiled(self.problem.method, given), given
         reduced = self._reduced[1]
         seconds = self.seconds
         seconds["solve"] -= time.perf_counter() - begin
