@@ -67,8 +67,7 @@ ITERATIONS = 150
 while.
 """
 WORSE = 0.05
-"""A solution whose objective exceeds that on fewer frames by this share is a different and worse motion, unless the
-two are alike: then the objective on fewer frames was too low."""
+"""A solution whose objective exceeds that on fewer frames by this share is probably a different and worse motion."""
 
 Callback = Callable[[IterationRecord], bool | None]
 
@@ -161,14 +160,12 @@ class Nested:
     Args:
         coarse: solves the motion on fewer frames.
         start: the resulting start on all frames.
-        alike: whether a solution on all frames is the motion that it was started from.
         fine: solves on all frames, from the spec's own guess if the start is None.
         options, callback: options and callback of the whole solve.
     """
 
     coarse: Callable[[Options, Callback | None], Solution]
     start: Callable[[Solution], Start]
-    alike: Callable[[Start, Result], bool]
     fine: Callable[[Options, Start | None, Callback | None], Result]
     options: Options
     callback: Callback | None
@@ -180,8 +177,8 @@ class Nested:
     def fewer_first(self, ratio: float) -> Result:
         """The result on all frames, with the iterations and factorisations of all solves.
 
-        The solve from the motion on fewer frames is accepted if its objective is no worse than on fewer frames, or if
-        it is the same motion; otherwise the spec's own guess is tried as well.
+        The solve from the motion on fewer frames is accepted if its objective is hardly worse than on fewer frames;
+        otherwise the spec's own guess is tried as well.
 
         Args:
             ratio: see :class:`FewerFrames`.
@@ -191,9 +188,10 @@ class Nested:
             return self._counted(self._on_all(self._left(), Start(self.start(before).x)))
         found: Result | None = None
         if before.status == "optimal":
-            start = self.start(before)
-            found = self._on_all(self._from_other_frames(), start)
-            if self._stopped or self._is_that_motion(start, found, ratio * before.objective):
+            found = self._on_all(self._from_other_frames(), self.start(before))
+            promised = ratio * before.objective
+            worst = promised + WORSE * max(abs(promised), abs(found.objective))
+            if self._stopped or (found.status is Status.OPTIMAL and found.objective <= worst):
                 return self._counted(found)
             self._count(found)
             if self._over:
@@ -204,11 +202,6 @@ class Nested:
                 self._count(other)
                 other = _uncounted(found)
         return self._counted(other)
-
-    def _is_that_motion(self, start: Start, found: Result, promised: float) -> bool:
-        """Whether a result is probably the motion from which it was started, or as good as this had promised."""
-        worst = promised + WORSE * max(abs(promised), abs(found.objective))
-        return found.status is Status.OPTIMAL and (bool(found.objective <= worst) or self.alike(start, found))
 
     def fewer_for_help(self, offered: Callable[[Fineness], bool]) -> Result:
         """The result from the spec's own guess; if that leads nowhere, from the motion on fewer frames.

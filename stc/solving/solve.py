@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stc.deadline import left
 from stc.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
@@ -25,7 +24,6 @@ from stc.solving.fewer_frames import FINE, FewerFrames, Fineness, Nested
 from stc.solving.free_end import by_free_end
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
-from stc.transcription.statements import highest_orders
 
 __all__ = ["ColdSolve", "contradictions_of", "solve"]
 
@@ -189,17 +187,6 @@ def _unmoved(bound: BoundProgram, status: Status, message: str = "", least: floa
     )
 
 
-#: A motion that strays from another one by no more than this share of its range is the same one.
-ALIKE = 0.25
-
-
-def _moving(transcription: Transcription) -> list[NDArray[np.int64]]:
-    """The indices of the values at the frames of each variable that has a rate."""
-    problem = transcription.problem
-    highest = highest_orders(problem, [statement.body for statement in problem.relations])
-    return [at for name, order, at, _, _ in transcription.layout.slots() if highest[name] and not order]
-
-
 @dataclass(slots=True)
 class ColdSolve:
     """A solve from a spec's own guess: through fewer frames if there are many, or with their help if it is hard.
@@ -227,7 +214,7 @@ class ColdSolve:
         if self.transcription.is_quadratic or self.problem.relaxation:
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
-        nested = Nested(self._coarse, self._follow, self._alike, self._fine, self.options, self.callback)
+        nested = Nested(self._coarse, self._follow, self._fine, self.options, self.callback)
         if fewer is not None:
             return nested.fewer_first(fewer.ratio)
         return nested.fewer_for_help(lambda fineness: self._reduce(fineness) is not None)
@@ -258,14 +245,6 @@ class ColdSolve:
         before = None if self._reduced is None else self._reduced[0]
         found, self._followed = self.model.follow(motion, self.transcription, self.problem, before)
         return found
-
-    def _alike(self, start: Start, result: Result) -> bool:
-        """Whether all variables with a rate stay close to their start; False if it is not known which have one."""
-        moving = self.transcription.remembered("moving", _moving)
-        return bool(moving) and all(
-            float(np.abs(start.x[at] - result.x[at]).max()) <= ALIKE * float(np.ptp(result.x[at]))
-            for at in moving
-        )
 
     def _fine(self, options: Options, start: Start | None, told: Callback | None) -> Result:
         """Solve with all frames of the motion."""

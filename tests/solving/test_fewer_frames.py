@@ -11,7 +11,6 @@ import stc
 from stc.pipeline import Model
 from stc.solver import IterationRecord, Options, Result, Start, Status
 from stc.solving.fewer_frames import ITERATIONS, Nested, fewer_frames
-from stc.solving.solve import ColdSolve
 
 PENDULUM = """
 constants: n = 400, T = 2, g = 9.81, umax = 14;
@@ -180,8 +179,8 @@ def test_the_time_limit_is_that_of_all_solves() -> None:
 class Fake:
     """Solves that end as told, and what they were asked."""
 
-    def __init__(self, model: Model, coarse: Result, *fine: Result, alike: bool = False) -> None:
-        self.small, self.answers, self.alike = model, [coarse, *fine], alike
+    def __init__(self, model: Model, coarse: Result, *fine: Result) -> None:
+        self.small, self.answers = model, [coarse, *fine]
         self.asked: list[tuple[Options, Start | None]] = []
 
     def coarse(self, options: Options, told: object) -> stc.Solution:
@@ -198,16 +197,14 @@ class Fake:
 
     def run(self, options: Options | None = None) -> Result:
         start = Start(np.zeros(1), np.zeros(1), np.zeros(1))
-        nested = Nested(
-            self.coarse, lambda _: start, lambda *_: self.alike, self.fine, options or Options(), None
-        )
+        nested = Nested(self.coarse, lambda _: start, self.fine, options or Options(), None)
         return nested.fewer_first(1.0)
 
     def helped(self, levels: int) -> Result:
         """From the own guess, with so many numbers of fewer frames to turn to."""
         offers = iter(range(levels))
         start = Start(np.zeros(1), np.zeros(1), np.zeros(1))
-        nested = Nested(self.coarse, lambda _: start, lambda *_: self.alike, self.fine, Options(), None)
+        nested = Nested(self.coarse, lambda _: start, self.fine, Options(), None)
         return nested.fewer_for_help(lambda _: next(offers, None) is not None)
 
 
@@ -259,50 +256,6 @@ def test_a_worse_solution_is_compared_with_that_from_the_own_guess(small: Model)
     assert (result.objective, result.iterations) == (30.0, 29)
     fake = Fake(small, *answers, ended(Status.FAILED, 0.0, 20))
     assert fake.run().objective == 30.0
-
-
-def test_the_same_motion_is_taken_though_fewer_frames_promised_more(small: Model) -> None:
-    fake = Fake(small, ended(Status.OPTIMAL, 10.0, 7), ended(Status.OPTIMAL, 30.0, 2), alike=True)
-    assert (fake.run().objective, len(fake.asked)) == (30.0, 2)
-    fake = Fake(
-        small,
-        ended(Status.OPTIMAL, 10.0, 7),
-        ended(Status.FAILED, 30.0, 2),
-        ended(Status.OPTIMAL, 40.0, 2),
-        alike=True,
-    )
-    assert (fake.run().objective, len(fake.asked)) == (40.0, 3)
-
-
-@pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
-def test_motions_are_alike_where_all_that_moves_stays_near(method: str) -> None:
-    _, found = stc.load(PENDULUM).transcription(method=method)
-    solving = ColdSolve(stc.load(PENDULUM), found.problem, found, {}, Options())
-    layout = found.layout
-    time = np.linspace(0.0, 1.0, 401)
-
-    def vector(th: np.ndarray, u: np.ndarray) -> np.ndarray:
-        x = np.zeros(layout.size)
-        for name, order, before, after, _ in layout.slots():
-            if order == 0:
-                x[before] = x[after] = th if name == "th" else u
-        return x
-
-    def are_alike(one: np.ndarray, other: np.ndarray) -> bool:
-        return solving._alike(Start(one), replace(ended(Status.OPTIMAL, 0.0, 1), x=other))
-
-    swing = 1.5 * time**2 * (3.0 - 2.0 * time)
-    own = vector(swing, np.sin(9.0 * time))
-    assert are_alike(own, vector(swing + 0.3 * np.sin(3.0 * time), -np.sin(9.0 * time)))
-    assert not are_alike(own, vector(swing + 0.6 * np.sin(3.0 * time), np.sin(9.0 * time)))
-
-
-def test_what_few_frames_have_flattered_is_not_solved_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    once = stc.load(PENDULUM).solve()
-    monkeypatch.setattr("stc.solving.fewer_frames.WORSE", -1.0)  # as if they had promised more
-    assert stc.load(PENDULUM).solve().iterations == once.iterations
-    monkeypatch.setattr("stc.solving.solve.ALIKE", -1.0)
-    assert stc.load(PENDULUM).solve().iterations > once.iterations
 
 
 @pytest.mark.parametrize("status", [Status.FAILED, Status.INFEASIBLE, Status.ITERATION_LIMIT])
