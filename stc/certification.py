@@ -66,7 +66,7 @@ def certify(
     SpecError, EvaluationError
         Mistakes in a spec.
     """
-    from stc.solution_origin import statements_between
+    from stc.statements_between import statements_between
     from stc.validate.certificate import certify as validated
 
     motion = motion_of(motion)

@@ -16,7 +16,7 @@ from stc.errors import UsageError
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
-from stc.solution_origin import statements_between
+from stc.statements_between import statements_between
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
 from stc.studies.frames import MOST_AT_ONCE, ORDER, SAFETY, Spread, in_shares
