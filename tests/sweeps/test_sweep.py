@@ -17,6 +17,7 @@ import pytest
 from ended_processes import die, die_once
 
 import stc
+from stc.cli.main import run
 from stc.workers import WorkerError, Workers, can_share
 
 needs_joblib = pytest.mark.skipif(not can_share(), reason="joblib is not installed")
@@ -184,7 +185,7 @@ def done(folder: Path) -> dict[str, int]:
 @pytest.mark.slow
 def test_two_workers_killed_twice_find_what_one_finds(tmp_path: Path) -> None:
     spec = push(tmp_path)
-    stc.sweep(spec, {"D": np.linspace(0.2, 2.0, 13), "m": [1, 2]}, tmp_path / "one", workers=1)
+    assert run(command(spec, tmp_path / "one", 1)[3:]) == 0
     both = tmp_path / "both"
     for wanted in (4, 12):
         with subprocess.Popen(command(spec, both, 2), stdout=-3, stderr=-3) as process:
@@ -238,8 +239,6 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_command_shows_what_was_found(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from stc.cli.main import run
-
     assert run(["sweep", "push.stc", "--set", "D=1:2:3", "--set", "m=1,1/2", "--workers", "1"]) == 0
     out, err = capsys.readouterr()
     assert out.splitlines()[0] == "push: 6 of 6 points" and "push_sweep/table.csv" in out and err == ""
@@ -263,7 +262,5 @@ def test_the_command_shows_what_was_found(here: Path, capsys: pytest.CaptureFixt
 def test_what_is_no_axis_is_refused(
     here: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from stc.cli.main import run
-
     assert run(["sweep", "push.stc", *words]) == 2
     assert message in capsys.readouterr().err
