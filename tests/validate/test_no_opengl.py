@@ -51,7 +51,7 @@ with open("outcomes.json", "w") as file:
 
 @pytest.fixture(scope="module")
 def motion() -> Solution:
-    return stc.load("particle_waypoints", n=20).solve()
+    return stc.load("particle_waypoints", n=20, T=0.5).solve()
 
 
 @pytest.mark.daily_every(4)
