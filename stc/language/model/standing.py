@@ -99,6 +99,10 @@ class Standing:
         self._known_at: dict[int, tuple[list[Holding], bool]] = {}
         self.generic = self._generic(links)
         self.drawn = self._drawn()
+        if not np.isfinite(
+            self.drawn.numbers([place.zero for place, _ in self.rows if place.zero is not None])
+        ).all():
+            self.drawn = self.drawn.aside()
         self._check_links(links)
         self.stretches = list(self._stretches())
         self._check_freedom()
