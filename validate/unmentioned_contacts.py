@@ -149,10 +149,8 @@ def _told(setup: Setup, touches: dict[tuple[int, int], list[float]], what: str) 
         own = next((g for g in (a, b) if int(model.body_weldid[model.geom_bodyid[g]]) in lifted), None)
         if own is None:
             hint = "keep them apart, or state the force between them and give it in `contact` lines under replay:"
-            if np.all(model.geom_bodyid[[a, b]]):
-                hint += (
-                    "; bodies that overlap as they are drawn need `with excludes` after the name of the model"
-                )
+            if times[0] == setup.solution.time[0] and model.geom_bodyid[a] and model.geom_bodyid[b]:
+                hint = f"where bodies overlap as drawn, write `with excludes` after the model's name; else {hint}"
             found.append(
                 Touch(f"{names} {what} at t = {times[0]:.4g} s, which no `contact` line mentions", hint)
             )

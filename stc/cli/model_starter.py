@@ -22,7 +22,7 @@ from stc.cli.model_files import find
 from stc.cli.trees import groups, objects
 from stc.deadline import spent, using
 from stc.errors import EndedError, Source, StcError, UsageError
-from stc.language.model.scope import path_of, quoted
+from stc.language.model.scope import quoted
 from stc.mechanism.mechanism import Mechanism
 from stc.mechanism.read import ModelFileError, read_model
 from stc.mechanism.refusals import refusals, without
@@ -399,13 +399,10 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     else:
         lines += ["  [0]: rest;", "  [n]: rest;", "", "guess:", "  [0]: begin;", "  [n]: begin;"]
     if not mechanism.actuators:
-        joint = path_of("joint", mechanism.joints[0].name)
-        if mechanism.joints[0].kind in ("hinge", "slide"):
-            lines += [
-                "",
-                "# The model has no actuators. A force on a joint is stated, and handed to MuJoCo, by",
-            ]
-            lines += [f"# variables: u;   forces: {joint}: u;   replay: apply {joint} = u;"]
+        lines += [
+            "",
+            "# The model has no actuators: `with motors` after its name adds one for each hinge and slide.",
+        ]
     settings = []
     links = any(equality.active for equality in mechanism.equalities)
     if links or (page.feet and _gives_way(mechanism)):

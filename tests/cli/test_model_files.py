@@ -196,13 +196,14 @@ def test_a_starter_of_a_model_without_actuators_tells_how_to_drive_it(
     )
     assert run(["new", "mine", "--model", "arm.xml"]) == 0
     text = Path("mine.stc").read_text(encoding="utf-8")
-    driven = text.replace("# variables: u;", "variables: u;").replace(
+    assert "`with motors`" in text
+    driven = text.replace('"arm.xml"', '"arm.xml" with motors').replace(
         "  [n]: begin;", '  [n]: joint."left elbow" = 1;'
     )
     Path("mine.stc").write_text(driven, encoding="utf-8")
     solution = stc.load("mine.stc").solve()
     assert solution.status == "optimal"
-    assert np.abs(solution["u"]).max() > 1.0
+    assert np.abs(solution['actuator."left elbow"']).max() > 1.0
 
 
 def test_a_missing_model_is_a_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
