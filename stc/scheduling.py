@@ -34,8 +34,8 @@ Range = tuple[int, int, str]
 """First and last frame, and the direction in which the contact slides; empty if it stands."""
 
 #: A contact stands where it bears this share of the weight; at the first and the last frame also where its gap is less
-#: than this, in m.  There it has to bear as much on the frame beside it: what only touches there would have a force that
-#: must be zero, and an impulse as well, since rest fixes the speed before an impact too.
+#: than this, in m.  There it has to bear as much on the frame beside it: what only touches there would have a force
+#: that must be zero, and an impulse as well, since rest fixes the speed before an impact too.
 BEARS, TOUCHES = 1e-2, 1e-4
 #: A flight of fewer frames than this between two stances is none: steps are not that fine.
 SHORTEST_FLIGHT = 2
