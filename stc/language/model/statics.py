@@ -69,22 +69,24 @@ class Statics:
             standing = self._standing(frame, point)
             # The same pose elsewhere needs the same forces.
             key = (*(c.name for c in standing), *(v for name, v in numbers.items() if name not in moved))
-            if standing and key not in known and all(one.kind != "pin" for one in standing):
+            if standing and key not in known:
                 told = self._told(point, standing)
                 if told is not None:
                     self.context.diagnostics.warning(told[0], statement.start, statement.end, told[1])
             known.add(key)
 
     def _standing(self, frame: int, point: Point) -> list[Contact]:
-        """The contacts that may stand at a frame: those of the schedule, and free ones that touch in the pose."""
-        found = []
+        """The contacts that touch at a frame, if any of them stands there; what has a pin is not looked at."""
+        held, found = False, []
         for one in self.contacts_of:
-            stands = any(phase.frames.first <= frame <= phase.frames.last for phase in one.phases)
-            if one.free is not None:
-                heights = list(self.contacts.heights_above(one, one.free.surface))
-                stands = point.numbers(heights).min() < OFF_SURFACE
-            found += [one] if stands else []
-        return found
+            now = any(phase.frames.first <= frame <= phase.frames.last for phase in one.phases)
+            if one.kind == "pin" and now:
+                return []
+            heights = list(self.contacts.heights_above(one, self.contacts.surface(one)))
+            touches = one.kind != "pin" and point.numbers(heights).min() < OFF_SURFACE
+            held |= now or (touches and one.free is not None)
+            found += [one] if now or touches else []
+        return found if held else []
 
     def _pushes(self, point: Point, contact: Contact) -> Matrix:
         """(forces, k) forces of a contact; it can give their sums with any factors that are not negative."""
