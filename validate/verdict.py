@@ -390,7 +390,7 @@ def _open_loop_metrics(replays: Replays) -> list[Metric]:
     factor = replays.growth
     if factor is None:
         return metrics
-    # Where the system multiplies every error, a large drift accuses nobody, and what happens to drift less tells nothing.
+    # Where the system multiplies every error, a large drift accuses nobody, and a small one is chance.
     if replays.unstable and replays.tracked is not None:
         if any(metric.verdict == "fail" for metric in metrics):
             metrics = [metric.without_limit() for metric in metrics]
