@@ -399,11 +399,10 @@ def _open_loop_metrics(replays: Replays) -> list[Metric]:
     factor = replays.growth
     if factor is None:
         return metrics
-    # Where the system multiplies every error, a large drift accuses nobody; a small one is welcome all the same.
+    # Where the system multiplies every error, a large drift accuses nobody, and a small one is chance.
     if replays.unstable and replays.tracked is not None:
-        failed = [metric for metric in metrics if metric.verdict == "fail"]
-        if failed:
-            metrics = [m.without_limit() if m in failed else m for m in metrics]
+        if any(metric.verdict == "fail" for metric in metrics):
+            metrics = [metric.without_limit() for metric in metrics]
             replays.notes.append(
                 f"unstable: along this motion small errors grow up to {factor:.3g} times; it is judged by its "
                 "residual and its tracked replay, not by the open-loop drift"
