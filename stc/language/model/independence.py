@@ -83,7 +83,7 @@ class Point:
         return self
 
     def aside(self) -> Point:
-        """A configuration beside this one, where a weld that is half a turn open in this one has an axis to turn about."""
+        """A configuration beside this one: a weld that is half a turn open here has an axis to turn about there."""
         return self.moved(np.full(self.scope.mechanism.n_freedoms, _ASIDE))
 
     def moved(self, step: Matrix) -> Point:
