@@ -37,8 +37,8 @@ from kinds import KINDS  # noqa: E402
 from robots import ROBOTS  # noqa: E402
 
 import stc  # noqa: E402
-from stc.nested import own_constants  # noqa: E402
 from stc.solver import Options, minimize  # noqa: E402
+from stc.solving.fewer_frames import own_constants  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "out" / "ablation.jsonl"

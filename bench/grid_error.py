@@ -21,8 +21,8 @@ import numpy as np
 
 import stc
 from stc.errors import StcError
-from stc.same_motion import check_same_motion
 from stc.solution import Solution, read
+from stc.solving.same_motion import check_same_motion
 from stc.studies.doubled import apart
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer

@@ -66,7 +66,7 @@ def certify(
     SpecError, EvaluationError
         Mistakes in a spec.
     """
-    from stc.origin import statements_between
+    from stc.statements_between import statements_between
     from stc.validate.certificate import certify as validated
 
     motion = motion_of(motion)
@@ -90,7 +90,7 @@ def statements_of(solution: Solution) -> list[Statement]:
     """
     from stc.language.syntax import Node, statement_text
     from stc.problem import ParameterRef, VariableRef
-    from stc.restated import problem_of
+    from stc.solution_restated import problem_of
     from stc.symbolic.expr import symbols
     from stc.validate.certificate.listing import Statement
 
@@ -163,7 +163,7 @@ def _more_frames(solution: Solution, metrics: Sequence[Metric]) -> str:
     The number is estimated from the method's order.  If ``n`` follows from other constants (``n = 60*k``), the advice
     names these.  If the spec cannot be refined as it is written, the advice is the reason.
     """
-    from stc.origin import model_of
+    from stc.solution_origin import model_of
     from stc.studies.frames import Spread, in_shares
     from stc.studies.passing import frames_needed
 

@@ -15,7 +15,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 
 from stc.records import dataclass, field
-from stc.visible import visible
+from stc.terminal_text import visible
 
 #: Lines longer than this are shown as a window around the place that is meant.
 EXCERPT_WIDTH = 110

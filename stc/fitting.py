@@ -21,7 +21,7 @@ HOLDS = 1e-8
 #: The share of its range by which a joint that is moved stays away from both ends.
 _ROOM = 0.02
 #: The step of differences, and the largest of a joint in a round, in m or rad.
-_STEP, _FAR, _ROUNDS, _DAMPING = 1e-7, 0.2, 100, 1e-10
+_STEP, _FAR, _ROUNDS, _DAMPING, _ASIDE = 1e-7, 0.2, 100, 1e-10, 1e-3
 
 
 #: A pose is nearly singular where the least singular value of its welds is below this share of the largest; then the
@@ -83,6 +83,9 @@ class Fit:
             off = self.off(columns)
             if np.abs(off[:, 0]).max(initial=0.0) < HOLDS:
                 return pose
+            if not np.isfinite(off).all():  # a weld that is half a turn open has no axis to turn about
+                pose[moving] = np.clip(pose[moving] + _ASIDE, low, high)
+                continue
             slopes, free = (off[:, 1:] - off[:, :1]) / _STEP, np.ones(len(moving), bool)
             for _ in range(len(moving)):
                 some = slopes * free

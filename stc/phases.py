@@ -12,9 +12,9 @@ from dataclasses import replace
 from itertools import pairwise
 
 from stc.problem import DefinitionRef, ObjectiveTerm, Problem, Relation, VariableRef
-from stc.rates import time_derivative
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, substitute, sym, symbols
+from stc.time_derivatives import time_derivative
 
 
 @dataclass(frozen=True, slots=True)

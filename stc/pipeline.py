@@ -3,7 +3,7 @@
     read_source -> parse -> elaborate -> transcribe -> solve -> Solution.save
 
 :class:`Model` combines the steps and keeps their results: a spec with other values of constants is usually solved again
-without parsing, differentiating or compiling.  :mod:`stc.origin` finds the model of a solution, and
+without parsing, differentiating or compiling.  :mod:`stc.solution_origin` finds the model of a solution, and
 :func:`stc.certification.certify` validates one.
 """
 
@@ -22,34 +22,34 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stc import unfinished
-from stc.alignment import Alignment
 from stc.arguments import numbers
 from stc.bundled import find_spec, is_solution, with_text
-from stc.collecting import collect
 from stc.deadline import within
 from stc.errors import Diagnostic, EndedError, Source, SpecError, UsageError
+from stc.guesses.alignment import Alignment
 from stc.in_notebook import in_notebook
-from stc.kept_transcriptions import KeptTranscriptions
 from stc.language import read_problem
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
-from stc.nested import FINE, FewerFrames, Fineness, fewer_frames
 from stc.optimizers import DEFAULT, Minimizer
 from stc.problem import Problem
 from stc.solution import Solution, read
 from stc.solver import IterationRecord, Options, Start, Status
 from stc.solver.options import given_options
-from stc.solving import ColdSolve, solve
+from stc.solving import in_progress
+from stc.solving.collect import collect
+from stc.solving.fewer_frames import FINE, FewerFrames, Fineness, fewer_frames
+from stc.solving.in_progress import Unfinished, motion_at
+from stc.solving.kept_transcriptions import KeptTranscriptions
+from stc.solving.solve import ColdSolve, solve
+from stc.solving.warm_start import aligned, start_from
 from stc.trajectory import require_method
 from stc.transcription import Transcription, transcribe
 from stc.transcription.bind import BoundProgram
 from stc.transcription.guess import check_motion, check_names
-from stc.unfinished import Unfinished, motion_at
-from stc.warm_start import aligned, start_from
 
 if TYPE_CHECKING:
-    from stc.given_values import GivenValues
+    from stc.guesses.values import GivenValues
     from stc.language.syntax import SpecTree
 
 Callback = Callable[[Any], bool | None]
@@ -250,7 +250,7 @@ class Model:
             An earlier solution or its file, whose multipliers and active set are used too; resampled
             if the number of frames differs.
         guess
-            Values to start from by name, or a file of them (see :mod:`stc.guess_file`); variables that it does not
+            Values to start from by name, or a file of them (see :mod:`stc.guesses.file`); variables that it does not
             name keep the spec's guess. Arrays are spread evenly over the motion, or placed by an array ``t``, ``time``
             (both in seconds) or ``frame``.
         callback : Callback | None
@@ -262,7 +262,7 @@ class Model:
             A function to call in place of the optimizer, for example to measure it (see
             :mod:`stc.studies.profile`).
         fewer_first : bool
-            Whether a motion on many frames is solved on fewer frames first (see :mod:`stc.nested`),
+            Whether a motion on many frames is solved on fewer frames first (see :mod:`stc.solving.fewer_frames`),
             unless it starts from a solution.
         constants : Mapping[str, float] | None
             Values of constants by name, for names that clash with the arguments above.
@@ -285,7 +285,7 @@ class Model:
             problem that the optimizer cannot handle, or an earlier solution without a common variable.
         """
         options = given_options(tolerance, max_iterations, time_limit)
-        unfinished.current = None
+        in_progress.current = None
         with self._watched(callback) as watching, within(options.time_limit):
             try:
                 solution = self._solved(
@@ -301,7 +301,7 @@ class Model:
                 )
             except EndedError as ended:
                 solution = self._ended(ended)
-        unfinished.current = None
+        in_progress.current = None
         solution.origin = self
         return solution
 
@@ -321,7 +321,7 @@ class Model:
         Raises:
             EndedError: it cannot.
         """
-        under_way = unfinished.current
+        under_way = in_progress.current
         solution = None if under_way is None else under_way.solution(Status(ended.status))
         if solution is None:
             raise ended
@@ -346,7 +346,7 @@ class Model:
             raise UsageError(f"the callback must be a function, not {callback!r}")
         given = {**self.overrides, **constants}
         problem, transcription = self.transcription(method, **given)
-        unfinished.current = Unfinished(transcription, problem.constants, given, optimizer)
+        in_progress.current = Unfinished(transcription, problem.constants, given, optimizer)
         seconds = {"parse": parse_seconds + time.perf_counter() - begin}
         seconds["derive"] = transcription.seconds.pop("derive", 0.0)
         seconds["parse"] = max(0.0, seconds["parse"] - seconds["derive"])
@@ -359,7 +359,7 @@ class Model:
         if warm_start is not None:
             start = self._start(warm_start, transcription, problem)
         elif guess is not None:
-            from stc.guess_file import guess_of
+            from stc.guesses.file import guess_of
 
             values = guess_of(guess)
             check_names(values, problem)

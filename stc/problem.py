@@ -226,7 +226,7 @@ class Rotation:
     """An orientation as a unit quaternion (w, x, y, z), and the angular velocity in the turned frame that changes it.
 
     All seven are names of variables.  The quaternion's time derivative is q (0, w) / 2 and no unknown of its own
-    (:mod:`stc.rates`); the transcription ties both, and keeps the norm (:mod:`stc.transcription.rotations`).
+    (:mod:`stc.time_derivatives`); the transcription ties both, and keeps the norm (:mod:`stc.transcription.rotations`).
     """
 
     quaternion: tuple[str, str, str, str]

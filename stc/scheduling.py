@@ -24,8 +24,8 @@ from stc.language.elaborate import elaborate
 from stc.language.model.schedule import WAYS
 from stc.language.parser import parse
 from stc.problem import Problem, VariableRef
-from stc.restated import source_of, stated_again
 from stc.solution import Solution
+from stc.solution_restated import source_of, stated_again
 from stc.symbolic.expr import ZERO, symbols
 
 __all__ = ["found_ranges", "write_schedule"]
@@ -34,7 +34,8 @@ Range = tuple[int, int, str]
 """First and last frame, and the direction in which the contact slides; empty if it stands."""
 
 #: A contact stands where it bears this share of the weight; at the first and the last frame also where its gap is less
-#: than this, in m.
+#: than this, in m.  There it has to bear as much on the frame beside it: what only touches there would have a force
+#: that must be zero, and an impulse as well, since rest fixes the speed before an impact too.
 BEARS, TOUCHES = 1e-2, 1e-4
 #: A flight of fewer frames than this between two stances is none: steps are not that fine.
 SHORTEST_FLIGHT = 2
@@ -74,8 +75,9 @@ def found_ranges(solution: Solution) -> dict[str, list[Range]]:
     stances = {}
     for contact in contacts:
         stands = recovery.channel(contact.pressure).before > BEARS * contact.weight
-        for end in (0, -1):  # a flight beyond an end would begin off the surface
-            stands[end] |= all(recovery.channel(gap).before[end] < TOUCHES for gap in contact.gaps)
+        for end, beside in ((0, 1), (-1, -2)):
+            touches = all(recovery.channel(gap).before[end] < TOUCHES for gap in contact.gaps)
+            stands[end] = stands[beside] and (touches or stands[end])
         stances[contact.name] = _stances(stands)
     landings = {first for some in stances.values() for first, _ in some}
     for some in stances.values():

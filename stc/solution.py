@@ -504,7 +504,7 @@ class Solution:
             As :meth:`stc.pipeline.Model.solve`.
         """
         # By name: nothing here is imported from the layers above.
-        return import_module("stc.origin").resolve(self, **changes)
+        return import_module("stc.solution_origin").resolve(self, **changes)
 
     def grid_error(self) -> Any:
         """The estimated discretisation error; see :func:`stc.studies.grid_error.grid_error`."""
@@ -619,7 +619,7 @@ def read(path: Path) -> Solution:
         The file is damaged, is not a solution, comes from a newer version, or contradicts its own text.
     """
     # By name: nothing here is imported from the layers above.
-    found: Solution = import_module("stc.restated").read(path)
+    found: Solution = import_module("stc.solution_restated").read(path)
     return found
 
 

@@ -10,7 +10,7 @@ from typing import IO, Any
 import numpy as np
 
 from stc.errors import SolutionError
-from stc.stored import Stored, check_facts
+from stc.solution_content import Stored, check_facts
 
 
 def write_csv(stored: Stored, stream: IO[bytes]) -> None:

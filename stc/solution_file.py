@@ -15,7 +15,7 @@
     ==============================  =====  =============================================================================
 
     Times, derivatives that are differences, and what a replay needs follow from these and the text:
-    :mod:`stc.restated` evaluates them.
+    :mod:`stc.solution_restated` evaluates them.
 
 ``.csv``
     The same as text.  Lines starting with ``#`` hold the facts, and all other values as JSON; below them is
@@ -40,7 +40,7 @@ from stc.arguments import path as file_path
 from stc.atomic import replacing
 from stc.errors import SolutionError, UsageError
 from stc.recorded_files import DATA_ROLE, RecordedFile, record
-from stc.stored import FORMAT, Stored, check_facts
+from stc.solution_content import FORMAT, Stored, check_facts
 
 if TYPE_CHECKING:
     from stc.solution import Solution
@@ -79,7 +79,7 @@ def write(solution: Solution, path: str | os.PathLike[str]) -> None:
         raise UsageError(f"cannot tell the format of {target.name!r}: a solution file ends in .npz or .csv")
     if solution.origin is None:
         # By name: nothing here is imported from the layers above.
-        import_module("stc.restated").require_stated(solution)
+        import_module("stc.solution_restated").require_stated(solution)
     stored = stored_of(solution)
     with replacing(target) as temporary, temporary.open("wb") as stream:
         writer(stored, stream)
@@ -211,7 +211,7 @@ def stored_of(solution: Solution) -> Stored:
     facts["multipliers"] = [{"kind": block.kind, "label": block.label} for block in solution.multipliers]
     members.update({f"multipliers/{k}": block.values for k, block in enumerate(solution.multipliers)})
     facts["files"] = []
-    for k, file in enumerate([*(solution.files or _files_of(solution)), *solution.data]):
+    for k, file in enumerate([*model_files(solution), *solution.data]):
         known = {"role": file.role, "path": file.path, "sha256": file.sha256, "bytes": file.size}
         facts["files"].append({**known, "carried": file.content is not None})
         if file.content is not None:
@@ -219,8 +219,10 @@ def stored_of(solution: Solution) -> Stored:
     return Stored(facts, members)
 
 
-def _files_of(solution: Solution) -> list[RecordedFile]:
-    """The present files of a solution's model."""
+def model_files(solution: Solution) -> list[RecordedFile]:
+    """The files of the model of a solution: those it was read with; of one that was just solved the present ones."""
+    if solution.files:
+        return list(solution.files)
     if solution.model is None:
         return []
     beside = Path(solution.directory) / solution.model if solution.directory else None

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from stc.errors import StcError
-from stc.judging import judge
 from stc.solution import STATUSES, read
+from stc.solution_claims import judge
 from stc.validate.model import find_model
 from stc.validate.setup import model_faults
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -15,8 +17,8 @@ from stc.trajectory import Channel, FloatArray
 #: Controls, all of the model's, as a function of time.
 Controls = Callable[[float], Sequence[float]]
 
-#: Integration steps in each half of a step.
-FINE = 20
+#: Longest step of the integration, in s.
+FINE = 5e-4
 
 PLACE, QUATERNION, TURNING = ("x", "y", "z"), ("qw", "qx", "qy", "qz"), ("wx", "wy", "wz")
 
@@ -41,10 +43,13 @@ def pull(t: float) -> list[float]:
     return [0.8 * np.sin(4 * t), 1.2 * np.cos(3 * t) - 0.5, 0.1 * np.sin(6 * t), 0.6 * np.sin(3 * t)]
 
 
+@functools.cache
 def integrated(
-    model: mujoco.MjModel, start: tuple[FloatArray, FloatArray], times: FloatArray, controls: Controls | None
+    text: str, start: tuple[tuple[float, ...], ...], controls: Controls | None, n: int, duration: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Positions, velocities, accelerations and controls at some times, the first of which is the start's."""
+    """Positions, velocities, accelerations and controls of a model at frames and midpoints in turn."""
+    model = mujoco.MjModel.from_xml_string(text)
+    times = np.linspace(0.0, duration, 2 * n + 1)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = start
     found: list[list[FloatArray]] = [[], [], [], []]
@@ -60,8 +65,9 @@ def integrated(
             rows.append(values.copy())
         if k + 1 == len(times):
             break
-        h = (times[k + 1] - t) / FINE
-        for part in range(FINE):
+        parts = math.ceil((times[k + 1] - t) / FINE - 1e-9)
+        h = (times[k + 1] - t) / parts
+        for part in range(parts):
             q, v, now = data.qpos.copy(), data.qvel.copy(), t + part * h
             rates: list[tuple[FloatArray, FloatArray]] = []
             for share in (0.0, 0.5, 0.5, 1.0):
@@ -138,7 +144,7 @@ def motion(
     (folder / "model.xml").write_text(text)
     model = mujoco.MjModel.from_xml_string(text)
     times = np.linspace(0.0, duration, 2 * n + 1)
-    q, v, a, u = integrated(model, (np.array(start[0]), np.array(start[1])), times, controls)
+    q, v, a, u = integrated(text, (tuple(start[0]), tuple(start[1])), controls, n, duration)
     lines = joint_lines(model, q, v, a)
     lines += [ReplayChannel("actuator", (model.actuator(k).name,), _nodes(u[:, k])) for k in range(model.nu)]
     return made(folder, times, lines)

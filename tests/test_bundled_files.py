@@ -30,17 +30,12 @@ def test_specs_are_found_with_and_without_their_ending() -> None:
 
 
 @pytest.mark.parametrize("name", specs.names())
-def test_every_spec_has_a_title_and_reads_without_a_warning(name: str) -> None:
-    title = specs.title(name)
+def test_every_spec_has_a_title_and_its_model_and_reads_without_a_warning(name: str) -> None:
+    title, problem = specs.title(name), stc.load(name).problem()
     assert 10 < len(title) < 100
     assert not title.endswith(".")
-    assert not stc.load(name).problem().warnings
-
-
-@pytest.mark.parametrize("name", specs.names())
-def test_every_model_that_a_spec_names_is_bundled(name: str) -> None:
-    model = stc.load(name).problem().model
-    assert model is None or models.locate(model) is not None
+    assert not problem.warnings
+    assert problem.model is None or models.locate(problem.model) is not None
 
 
 @pytest.mark.nightly

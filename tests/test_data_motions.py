@@ -12,8 +12,8 @@ from scipy.interpolate import CubicSpline
 import stc
 from stc import specs
 from stc.errors import SolutionError, SpecError
-from stc.judging import judge
 from stc.solution import Solution
+from stc.solution_claims import judge
 
 PENDULUM = """
 constants: n = 40, T = 1.5, h = T/n, k = 3;
@@ -169,7 +169,7 @@ def test_the_objective_counts_the_known_stretches(tmp_path: Path) -> None:
     time, _, y = recorded(tmp_path)
     text = FOLLOWED.replace("(x - walk.x)^2 + (y - walk.y)^2 + w*(u^2 + v^2)", "(y - walk.y)^2")
     text = text.replace("x'' = u; y'' = v;", "x'' = u; y = 3*t; u = 0; v = 0; x = 0;").replace(
-        "n = 60", "n = 4000"
+        "n = 60", "n = 2000"
     )
     solved = stc.load(saved_spec(tmp_path, text)).solve()
     total = 0.0

@@ -215,6 +215,7 @@ def test_the_gallery_shows_every_motion_or_says_that_it_is_missing() -> None:
     assert len(re.findall(r"^\*\*(passed|failed)\*\*: ", text, re.MULTILINE)) == len(shown)
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("kind", ["other", RENDER])
 def test_the_model_of_ones_own_is_what_its_spec_says(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

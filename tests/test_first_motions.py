@@ -51,6 +51,7 @@ def test_a_mass_from_outside_reaches_spec_and_model() -> None:
     assert not validate(three).passed
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("method", ["central", "trapezoidal"])
 def test_second_order_methods_approach_the_spline_and_its_replay(method: str) -> None:
     spec = stc.load("particle_waypoints")

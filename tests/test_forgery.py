@@ -17,8 +17,8 @@ from forgery import Forger, told, written
 
 import stc
 from stc.certification import certify
-from stc.judging import judge
 from stc.solution import Solution, read
+from stc.solution_claims import judge
 from stc.solver.residuals import assess
 from stc.validate import limits, validate
 

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 
 MODEL = """
 <mujoco>
-  <option timestep="0.0001" integrator="RK4" gravity="0 0 -9.81" impratio="10"/>
+  <option timestep="0.0004" integrator="RK4" gravity="0 0 -9.81" impratio="10"/>
   <worldbody>
     <geom name="floor" type="plane" size="0 0 1" friction="0.88 0 0" solref="0.0002 1"/>
     <body name="foot">

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 import stc
-from stc.collecting import collect
 from stc.errors import SolutionError, UsageError
 from stc.solution import Solution, UnknownNameError, read
 from stc.solver import Result, Status
+from stc.solving.collect import collect
 from stc.trajectory import Channel, FloatArray
 
 SPEC = "# a test\nconstants: n = 4;\n"

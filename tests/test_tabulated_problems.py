@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, PchipInterpolator, RectBivariateSpline
 
 import stc
-from stc.judging import judge
+from stc.solution_claims import judge
 
 GLIDER = """
 # the farthest flight of a hang glider through a thermal: Bulirsch et al. 1993; COPS 3.0, problem 11

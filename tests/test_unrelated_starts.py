@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.given_values import UnusedWarning
+from stc.guesses.values import UnusedWarning
 
 LINE = "constants: n = 6; variables: {0}; constraints: [0]: {0}; [n]: {0} = 1; objective: integral({0}''^2);"
 

@@ -1,7 +1,7 @@
 """The figures that a solution states about itself, compared with values recomputed from its text and numbers.
 
-The validation knows no expressions.  A module that can build the problem from the text (:mod:`stc.judging`) evaluates
-it and passes on the :class:`Claims`; here they become measurements and lines of the verdict.
+The validation knows no expressions.  A module that can build the problem from the text (:mod:`stc.solution_claims`)
+evaluates it and passes on the :class:`Claims`; here they become measurements and lines of the verdict.
 """
 
 from __future__ import annotations

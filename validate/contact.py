@@ -15,6 +15,7 @@ import numpy as np
 
 from stc.validate import limits
 from stc.validate.contact_meter import can_touch
+from stc.validate.grips import grips
 from stc.validate.metrics import FloatArray, Metric, root_mean_square
 from stc.validate.ties import Coordinate
 from stc.validate.transmissions import driven_dofs
@@ -132,8 +133,14 @@ def ground_distances(setup: Setup, positions: FloatArray) -> tuple[FloatArray, F
 
 
 def missing_contacts(setup: Setup) -> list[Metric]:
-    """A failed measurement if no two geoms can touch although forces act on bodies; otherwise nothing."""
-    if can_touch(setup.compiled) or all(line.path[0] == "joint" for line in setup.contact.lines):
+    """A failed measurement if no two geoms can touch although forces act on bodies that nothing grips; otherwise
+    nothing.
+    """
+    gripped = {site for grip in grips(setup) for site in grip.sites}
+    if can_touch(setup.compiled) or all(
+        place is None or (place.kind == "site" and place.index in gripped)
+        for place in setup.contact.where.places
+    ):
         return []
     return [Metric("contacts that the model can have", "pairs of geoms", 0.0, "", 1.0, at_least=True)]
 

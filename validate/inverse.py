@@ -45,6 +45,9 @@ Drive = tuple[FloatArray, FloatArray]
 #: largest force.
 _NEGLIGIBLE = 1e-6
 
+#: A control or force may be beyond its range by this share of it.
+_OVERSTEPPED = 1e-8
+
 #: What moves by less, in m or rad, is at rest.
 _STILL = 1e-6
 
@@ -116,6 +119,9 @@ def inverse_dynamics(setup: Setup) -> InverseDynamics | None:
         model.opt.disableflags |= int(flags.mjDSBL_FRICTIONLOSS)
         dry = DryFriction(model)
     model.actuator_actearly[:] = 0  # states are those of the same instant
+    # MuJoCo clamps what a solver oversteps by its tolerance, and a stiff servo makes much of little.
+    for ends in (model.actuator_ctrlrange, model.actuator_forcerange):
+        ends += _OVERSTEPPED * np.abs(ends).max(axis=1, keepdims=True) * (-1.0, 1.0)
     data = mujoco.MjData(model)
     ties = Equalities(setup.model(contacts=False))
     outer = setup.all_forces

@@ -213,7 +213,8 @@ CONTACT_FORCE_MOST: Final = 1e-1
 #: What stands on something and moves farther than this, in m, is told of.
 STANDS: Final = 1e-3
 
-#: Largest violation of an inequality of the spec between the nodes, as a share of what it compares (see stc.between).
+#: Largest violation of an inequality of the spec between the nodes, as a share of what it compares: see
+#: stc.statements_between.
 INEQUALITY_BETWEEN: Final[ByMethod] = {"hermite-simpson": 2e-2, "trapezoidal": 5e-2, "central": 5e-2}
 
 # --- perturbed replays -------------------------------------------------------------------------------------

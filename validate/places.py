@@ -5,8 +5,9 @@
 ``body.NAME.X.Y.Z``            the point at X, Y, Z (numbers, in m) of that frame
 ``body.NAME.X.Y.Z.R``          the point of a ball of radius R about that point that is closest to the ground
 ``site.NAME``                  the site
-``geom.NAME``                  of a sphere its point nearest to the ground, of a box the middle of its lower face
-                               (along its own z), both with the geom's margin; of all others their middle
+``geom.NAME``                  of a sphere its point nearest to the ground, half way between both where margins hold
+                               them apart, of a box the middle of its lower face (along its own z) with the geom's
+                               margin; of all others their middle
 =============================  ==================================================================================
 """
 
@@ -114,7 +115,8 @@ def find_place(model: mujoco.MjModel, path: Sequence[str], written: str) -> Plac
             return Place("body", index, index, at)
         own = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] == index]
         flat = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_BOX))
-        grounds = tuple([ground for ground in _grounds(model, own) if int(model.geom_type[ground]) in flat])
+        found = _sloping(model, _grounds(model, own))
+        grounds = tuple([ground for ground in found if int(model.geom_type[ground]) in flat])
         return Place("body", index, index, at[:3], radius=at[3], grounds=grounds)
     if kind == "site":
         return Place("site", index, int(model.site_bodyid[index]))
@@ -143,19 +145,27 @@ def _geom(model: mujoco.MjModel, index: int) -> Place:
         return Place("geom", index, body, (0.0, 0.0, -below))
     if kind != int(kinds.mjGEOM_SPHERE):
         return Place("geom", index, body)
-    radius = float(model.geom_size[index, 0] + model.geom_margin[index])
-    return Place("geom", index, body, radius=radius, grounds=_grounds(model, [index]))
+    grounds = _grounds(model, [index])
+    apart = model.geom_margin[index] + max([model.geom_margin[ground] for ground in grounds], default=0.0)
+    radius = float(model.geom_size[index, 0] + 0.5 * apart)
+    return Place("geom", index, body, radius=radius, grounds=_sloping(model, grounds))
 
 
 def _grounds(model: mujoco.MjModel, geoms: Sequence[int]) -> tuple[int, ...]:
-    """Fixed geoms that one of some geoms may touch; none where all of them are level planes."""
-    fixed = [
-        ground
-        for ground in range(model.ngeom)
-        if model.body_weldid[model.geom_bodyid[ground]] == 0
-        and any(_meets(model, geom, ground) for geom in geoms)
-    ]
-    return () if all(_is_level(model, ground) for ground in fixed) else tuple(fixed)
+    """Fixed geoms that one of some geoms may touch."""
+    return tuple(
+        [
+            ground
+            for ground in range(model.ngeom)
+            if model.body_weldid[model.geom_bodyid[ground]] == 0
+            and any(_meets(model, geom, ground) for geom in geoms)
+        ]
+    )
+
+
+def _sloping(model: mujoco.MjModel, grounds: tuple[int, ...]) -> tuple[int, ...]:
+    """The same geoms; none where all of them are level planes."""
+    return () if all(_is_level(model, ground) for ground in grounds) else grounds
 
 
 def _nearest_point(model: mujoco.MjModel, data: mujoco.MjData, ground: int, centre: FloatArray) -> FloatArray:

@@ -295,8 +295,8 @@ class _Simulation:
         qpos, qvel, qacc, ctrl, act, act_dot = self.arrays
         h = self.time_step
         start, pose, speed, activation = data.time, qpos.copy(), qvel.copy(), act.copy()
-        velocity, acceleration, activity = np.zeros(len(qvel)), np.zeros(len(qvel)), np.zeros(len(act))
-        rate = speed
+        velocity = acceleration = activity = np.zeros(())
+        rate, meter, turning, apply = speed, self.meter, self.turning, self.forces.apply
         for stage, (share, weight, instant) in enumerate(_STAGES):
             if stage:
                 ahead = share * h
@@ -308,18 +308,18 @@ class _Simulation:
                 if len(act):
                     act[:] = activation + ahead * act_dot
             ctrl[addresses] = controls[instant]
-            self.forces.apply(model, data, forces[instant])
+            apply(model, data, forces[instant])
             mj_forward(model, data)
-            if self.meter is not None:
-                self.meter.add(self.frame, model, data, weight * h)
+            if meter is not None:
+                meter.add(self.frame, model, data, weight * h)
             if stage:
-                rate = rate_of_way(way, qvel, self.turning)
+                rate = rate_of_way(way, qvel, turning) if len(turning) else qvel.copy()
             else:
                 data.qacc_warmstart[:] = qacc
-            velocity += weight * rate
-            acceleration += weight * qacc
+            velocity = velocity + weight * rate
+            acceleration = acceleration + weight * qacc
             if len(act):
-                activity += weight * act_dot
+                activity = activity + weight * act_dot
         data.time = start + h
         qpos[:] = pose
         mj_integratePos(model, qpos, velocity, h)

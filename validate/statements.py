@@ -21,7 +21,7 @@ class StatementCheck:
         text: the statement as the spec writes it.
         place: file and line.
         equality: whether it is an equation.
-        share: violation as a share of the compared quantity, see :mod:`stc.between`.
+        share: violation as a share of the compared quantity, see :mod:`stc.statements_between`.
         time: time of the violation, in seconds.
     """
 

@@ -128,13 +128,14 @@ def _touches(
         mujoco.mj_fwdPosition(model, data)
         frame = int(np.clip(np.searchsorted(ends, time, side="right") - 1, 0, len(ends) - 1))
         meant = {body for body, acts in acting.items() if acts[frame : frame + 2].any()}
-        for number, contact in enumerate(data.contact):
-            if contact.exclude or contact.dist > contact.includemargin - _TOUCHES or min(contact.geom) < 0:
-                continue
-            if not meant.isdisjoint(int(model.body_weldid[model.geom_bodyid[geom]]) for geom in contact.geom):
+        contacts = data.contact
+        near = (contacts.exclude == 0) & (contacts.dist <= contacts.includemargin - _TOUCHES)
+        for number in np.flatnonzero(near & (contacts.geom >= 0).all(axis=1)).tolist():
+            pair = contacts.geom[number]
+            if not meant.isdisjoint(model.body_weldid[model.geom_bodyid[pair]].tolist()):
                 continue
             if contact_jacobian(model, data, number)[0][:, setup.reference.velocities].any():
-                times = found.setdefault((int(contact.geom[0]), int(contact.geom[1])), [])
+                times = found.setdefault((int(pair[0]), int(pair[1])), [])
                 if not times or times[-1] != time:
                     times.append(time)
     return found
@@ -147,11 +148,11 @@ def _told(setup: Setup, touches: dict[tuple[int, int], list[float]], what: str) 
         names = f"geoms {_title(model, a)} and {_title(model, b)}"
         own = next((g for g in (a, b) if int(model.body_weldid[model.geom_bodyid[g]]) in lifted), None)
         if own is None:
+            hint = "keep them apart, or state the force between them and give it in `contact` lines under replay:"
+            if times[0] == setup.solution.time[0] and model.geom_bodyid[a] and model.geom_bodyid[b]:
+                hint = f"where bodies overlap as drawn, write `with excludes` after the model's name; else {hint}"
             found.append(
-                Touch(
-                    f"{names} {what} at t = {times[0]:.4g} s, which no `contact` line mentions",
-                    "keep them apart, or state the force between them and give it in `contact` lines under replay:",
-                )
+                Touch(f"{names} {what} at t = {times[0]:.4g} s, which no `contact` line mentions", hint)
             )
             continue
         first, last = _stretch(setup, times)

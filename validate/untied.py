@@ -12,6 +12,7 @@ force would not be known.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,8 +74,8 @@ class UntiedMotion:
         self._model, self._data = model, mujoco.MjData(model)
         self._turning = turning_dofs(model)
         self._outer = setup.all_forces
-        #: The state in which each step begins.
-        self._starts: list[State] = []
+        #: See :meth:`_advanced`, of each whole step.
+        self._path: list[list[tuple[float, State]]] = []
         self.ends: list[State] = []
         if not self.coupled:
             self._run()
@@ -83,17 +84,16 @@ class UntiedMotion:
         """Position (nq,) and velocity (nv,) at a node: ``before`` or ``after`` a frame, or ``mid`` of a step."""
         if part == "mid":
             return self.in_step(index, np.array([0.5]))[0]
-        if (part == "before" and index > 0) or index >= len(self._starts):
+        if (part == "before" and index > 0) or index >= len(self._path):
             return self.ends[index - 1] if index > 0 else self._rest()
-        return self._starts[index]
+        return self._path[index][0][1]
 
     def in_step(self, step: int, shares: FloatArray) -> list[State]:
         """Positions and velocities at increasing shares of a step."""
-        state, share, found = self._starts[step], 0.0, []
-        for target in shares:
-            state = self._advance(step, state, share, float(target))
-            share = float(target)
-            found.append(state)
+        path, found = self._path[step], []
+        for target in shares.tolist():
+            share, state = path[bisect_right(path, target, key=lambda one: one[0]) - 1]
+            found.append(self._advanced(step, state, share, target)[-1][1])
         return found
 
     def put(self, data: mujoco.MjData, state: State) -> None:
@@ -127,8 +127,9 @@ class UntiedMotion:
                 reference.put(self._data, reference.at("after", step)[:2])
                 mass = self._mass()
                 state = state[0], state[1] + self.acceleration(mass, -mass @ jump)
-            self._starts.append(state)
-            state = self._advance(step, state, 0.0, 1.0)
+            path = self._advanced(step, state, 0.0, 1.0)
+            state = path[-1][1]
+            self._path.append(path)
             self.ends.append(state)
 
     def _mass(self) -> FloatArray:
@@ -139,12 +140,13 @@ class UntiedMotion:
         mujoco.mj_fullM(self._model, self._data, mass)
         return mass
 
-    def _advance(self, step: int, state: State, start: float, end: float) -> State:
-        """The state at another share of a step."""
+    def _advanced(self, step: int, state: State, start: float, end: float) -> list[tuple[float, State]]:
+        """The state, and those after each time step to another share of a step, with their shares."""
         import mujoco
 
+        path = [(start, state)]
         if end <= start or not len(self.free):
-            return state
+            return path
         whole = float(np.diff(self._setup.solution.time[step : step + 2])[0])
         parts = max(1, math.ceil(whole * (end - start) / limits.TIME_STEP - 1e-9))
         h = whole * (end - start) / parts
@@ -167,7 +169,8 @@ class UntiedMotion:
             position = position.copy()
             mujoco.mj_integratePos(self._model, position, self._only_free(np.asarray(mean[0])), h)
             velocity = velocity + h * np.asarray(mean[1])
-        return position, velocity
+            path.append((float(shares[2 * part + 2]), (position, velocity)))
+        return path
 
     def _only_free(self, velocity: FloatArray) -> FloatArray:
         found = np.zeros_like(velocity)

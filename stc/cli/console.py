@@ -10,18 +10,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stc.visible import unfiltered, visible
+from stc.terminal_text import unfiltered, visible
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
 
+    from stc.cli.body_turns import Turn
     from stc.errors import Diagnostic
     from stc.solution import Solution
     from stc.studies.compare import Run
     from stc.studies.grid_error import GridError
     from stc.studies.profile import Part
     from stc.studies.uncertainty import Uncertainty
-    from stc.turns import Turn
     from stc.validate.certificate import Certificate
 
 #: Width of what goes into a file or a pipe, where nothing should be cut or wrapped.
@@ -101,7 +101,7 @@ def _turns(solution: Solution) -> Sequence[Turn]:
     """The number of turns of each body that can turn."""
     if not any(name.endswith(".qw") for name in solution.variables):
         return []
-    from stc.turns import turns
+    from stc.cli.body_turns import turns
 
     return turns(solution)
 

@@ -117,7 +117,7 @@ def settle() -> None:
 
 def _saving() -> float:
     """The estimated time in seconds to save the result of the current solve."""
-    solves = sys.modules.get("stc.unfinished")
+    solves = sys.modules.get("stc.solving.in_progress")
     under_way = getattr(solves, "current", None)  # it may be half imported
     return 0.0 if under_way is None else SAVING * float(under_way.transcription.program.size)
 

@@ -229,7 +229,7 @@ def require_optimal(solution: Solution, done: str, force: bool) -> None:
 def check(spec: str, options: SolveOptions, *, as_json: bool) -> int:
     """Build the nonlinear program of a spec and print its sizes; the exit status is good if no failure is certain."""
     from stc.language.show_data import described
-    from stc.solving import contradictions_of
+    from stc.solving.solve import contradictions_of
     from stc.studies.replay_lines import check_replay_lines
 
     model = load(spec, options.constants)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from stc import deadline
 from stc.cli import statuses
-from stc.visible import visible
+from stc.terminal_text import visible
 
 if TYPE_CHECKING:
     from stc.solver.report import IterationRecord
@@ -101,9 +101,9 @@ class Watch:
         self._previous: dict[int, Any] = {}
 
     def __enter__(self) -> Watch:
-        from stc import unfinished  # which other commands do without
+        from stc.solving import in_progress  # which other commands do without
 
-        self._solves = unfinished
+        self._solves = in_progress
         if threading.current_thread() is threading.main_thread():
             self._previous[signal.SIGINT] = signal.signal(signal.SIGINT, self._on_signal)
             for name in ENDINGS if self._saves else ():

@@ -20,7 +20,7 @@ from stc.cli.messages import ended, report, say_ended
 from stc.cli.statuses import BAD, GOOD, MISTAKE
 from stc.errors import EndedError, SpecError, StcError, UnsolvedError
 from stc.memory import stay_within_memory
-from stc.visible import VisibleStream
+from stc.terminal_text import VisibleStream
 
 __all__ = ["main", "run"]
 
@@ -57,7 +57,7 @@ def _obey_limit(arguments: Sequence[str]) -> None:
 
     An invalid limit is refused when the options are read.
     """
-    if arguments[:1] == ["view"]:  # whose limit is for each of its solves
+    if arguments[:1] in (["view"], ["new"]):  # whose limits are for each of their solves
         return
     for word, after in zip_longest(arguments, arguments[1:], fillvalue=""):
         name, equals, value = word.partition("=")

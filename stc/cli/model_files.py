@@ -65,13 +65,20 @@ def listing(name: str) -> str:
             "a URDF states neither motors nor whether its root is free: here it is fixed to the world. A spec adds",
             f'these, and a floor, by words: model: "{path.name}" with freejoint, motors, floor;',
         ]
-        pairs = [" and ".join(mechanism.bodies[body].name for body in pair) for pair in mechanism.excluded]
-        lines += (
-            [f"these overlap in the pose that the file draws, and do not touch: {'; '.join(pairs)}"]
-            if pairs
-            else []
-        )
         lines += [f"left out or changed: {change}" for change in mechanism.changes]
+    overlap, fate = mechanism.excluded, "do not touch"
+    if not mechanism.is_urdf:
+        overlap = tuple(set(read_model(path, additions=("excludes",)).excluded) - set(overlap))
+        fate = "MuJoCo pushes them apart, unless a spec has `with excludes`"
+    if overlap:
+        pairs = [" and ".join(mechanism.bodies[body].name for body in pair) for pair in sorted(overlap)]
+        lines.append(f"these overlap in the pose that the file draws, and {fate}: {'; '.join(pairs)}")
+    lines += [f"warning: {doubt}" for doubt in mechanism.warnings]
+    lines += [
+        f"tendon {one.name} is {_range(one.bounds)} long: a bound of the motion, which does not pull as a rope does"
+        for one in mechanism.tendons
+        if one.limited
+    ]
     for one in filter(mechanism.welded_to_mocap, mechanism.equalities):
         first, second = (path_of("body", mechanism.bodies[body].name) for body in (one.first, one.second))
         lines += [

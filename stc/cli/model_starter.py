@@ -22,7 +22,7 @@ from stc.cli.model_files import find
 from stc.cli.trees import groups, objects
 from stc.deadline import spent, using
 from stc.errors import EndedError, Source, StcError, UsageError
-from stc.language.model.scope import path_of, quoted
+from stc.language.model.scope import quoted
 from stc.mechanism.mechanism import Mechanism
 from stc.mechanism.read import ModelFileError, read_model
 from stc.mechanism.refusals import refusals, without
@@ -172,7 +172,8 @@ def _completed(file: Path) -> tuple[Mechanism, str]:
     else:
         if len(read_model(file, additions=("excludes",)).excluded) > len(plain.excluded):
             added += ("excludes",)
-        if _travels(plain, objects(plain)) and all(geom.body for geom in plain.geoms):
+        falls = any(plain.options.gravity) and _travels(plain, objects(plain))
+        if falls and all(geom.body for geom in plain.geoms):
             added += ("floor",)
     if any(plain.welded_to_mocap(each) for each in plain.equalities):
         added += ("mocap",)
@@ -298,7 +299,11 @@ class _Pages:
             if not poses and self.driven:
                 title = "holds the joints that its motors move"
                 yield self._page(title, 0.05, changes=self.within, held=self.driven)
-        elif mechanism.actuators and "contact" not in mechanism.options.disabled:
+        elif (
+            mechanism.actuators
+            and any(mechanism.options.gravity)
+            and "contact" not in mechanism.options.disabled
+        ):
             # A chassis that carries wheels may stand on them alone, or on a caster as well.
             for whole in (False, True):
                 level = stance.lowest(_LEVEL, whole)
@@ -394,13 +399,10 @@ def _text(page: _Page, mechanism: Mechanism, path: Path, name: str, model: str) 
     else:
         lines += ["  [0]: rest;", "  [n]: rest;", "", "guess:", "  [0]: begin;", "  [n]: begin;"]
     if not mechanism.actuators:
-        joint = path_of("joint", mechanism.joints[0].name)
-        if mechanism.joints[0].kind in ("hinge", "slide"):
-            lines += [
-                "",
-                "# The model has no actuators. A force on a joint is stated, and handed to MuJoCo, by",
-            ]
-            lines += [f"# variables: u;   forces: {joint}: u;   replay: apply {joint} = u;"]
+        lines += [
+            "",
+            "# The model has no actuators: `with motors` after its name adds one for each hinge and slide.",
+        ]
     settings = []
     links = any(equality.active for equality in mechanism.equalities)
     if links or (page.feet and _gives_way(mechanism)):

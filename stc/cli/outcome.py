@@ -162,14 +162,14 @@ class Ending:
 
     def found(self, status: str) -> Found | None:
         """The last solution of a search, else the best iterate of the current solve, else None."""
-        from stc import unfinished
         from stc.solver.status import Status, sentence
+        from stc.solving import in_progress
 
         solution = self._solved
         if solution is not None and solution.status == "optimal":
             message = f"{sentence(Status(status))} This is the last solution that the search had found."
             return Found(solution, status, message)
-        under_way = unfinished.current
+        under_way = in_progress.current
         if under_way is not None:
             solution = under_way.solution(Status(status)) or solution
         return None if solution is None else Found(solution, status)

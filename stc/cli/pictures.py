@@ -13,7 +13,7 @@ from stc.cli.live import validating
 from stc.cli.options import SolveOptions, ready_to_write
 from stc.cli.statuses import GOOD
 from stc.errors import UsageError
-from stc.visible import unfiltered
+from stc.terminal_text import unfiltered
 
 if TYPE_CHECKING:
     from stc.cli.outcome import Outcome

@@ -206,7 +206,7 @@ def find(model: Model, search: Search, solve: Callable[..., Solution], show: boo
         StcError: mistakes in the input.
     """
     if search.guess is not None:
-        from stc.guess_file import read_guess
+        from stc.guesses.file import read_guess
 
         options["guess"] = read_guess(search.guess)
     if search.walk is None and search.starts is None and not search.adds_frames:

@@ -40,6 +40,11 @@ def contact(model: Model, method: str | None) -> str:
     """The spec with its contact sections written out as plain statements."""
     from stc.language.contact import plain_text
 
+    if any(section.kind == "model" for section in model.tree.sections):
+        raise UsageError(
+            f"{model.name} takes its contacts from a model: they are no plain statements",
+            "see `--stage problem`",
+        )
     return plain_text(model.tree, model.overrides).rstrip()
 
 

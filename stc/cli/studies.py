@@ -47,8 +47,8 @@ def subject(target: str, options: SolveOptions) -> tuple[Model, str | None]:
     if not is_solution(target):
         return load(target, options.constants), options.method
     from stc.pipeline import Model
-    from stc.restated import source_of
     from stc.solution import read
+    from stc.solution_restated import source_of
 
     path = existing_solution(target)
     solution = read(path)
@@ -68,7 +68,10 @@ def compare_equations(model: Model, method: str | None) -> EquationReport:
 
 def observe_order(model: Model, method: str | None, options: SolveOptions) -> OrderReport:
     """Three solves with a progress line, and the order of convergence of their replays."""
+    from stc.studies.frames import in_shares
     from stc.studies.order import observe_order as observe
+
+    model = in_shares(model, method)
 
     def solve(**settings: Any) -> Solution:
         with Watch(model.name) as watch, console.warnings_as_notes():

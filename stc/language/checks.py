@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from stc.language.diagnostics import Diagnostics
 from stc.language.name_table import NameTable
 from stc.problem import ConstantRef, DefinitionRef, ParameterRef, Problem, VariableRef
-from stc.rates import time_derivative
 from stc.symbolic.expr import Expr, evaluate, symbols
 from stc.symbolic.traverse import reachable
+from stc.time_derivatives import time_derivative
 
 Place = tuple[int, int]
 

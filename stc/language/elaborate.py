@@ -147,6 +147,8 @@ class Elaborator(Context):
                 objective = [replace(term, body=put(term.body)) for term in objective]
                 replay = [replace(channel, body=put(channel.body)) for channel in replay]
                 guesses = [*guesses_of_numbers(self, self.model), *guesses]
+        if self.model_statements is not None and not self.diagnostics.error_count:
+            self.model_statements.warn_of_poses(relations)
         if self.diagnostics.error_count:
             return None
         problem = Problem(

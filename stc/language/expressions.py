@@ -28,7 +28,6 @@ from stc.problem import (
     TimeRef,
     VariableRef,
 )
-from stc.rates import one_sided, rate, rate_with
 from stc.symbolic.differentiate import total_derivative
 from stc.symbolic.expr import (
     FUNCTIONS,
@@ -50,6 +49,7 @@ from stc.symbolic.expr import (
     sym,
     symbols,
 )
+from stc.time_derivatives import one_sided, rate, rate_with
 
 if TYPE_CHECKING:
     from stc.language.data import Data

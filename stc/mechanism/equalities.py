@@ -20,7 +20,7 @@ from stc.mechanism.transmissions import second_rate
 from stc.mechanism.tree import Frame
 from stc.mechanism.vectors import Matrix, Vector, minus, negative, product, scaled, transposed, vector
 from stc.records import dataclass
-from stc.symbolic.expr import ZERO, Expr, add, mul, num, sub
+from stc.symbolic.expr import ZERO, Expr, add, div, mul, num, sub, sum_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,17 +90,21 @@ def _held_together(dynamics: Dynamics, equality: Equality) -> Held:
     turn = product(transposed(know.axes_of(second)), know.axes_of(first))
     return Held(
         names=("fx", "fy", "fz", "mx", "my", "mz"),
-        places=(*places, *axis_and_sine(turn)),
+        places=(*places, *turned_by(turn)),
         rates=(*rates, *minus(know.rate_of(first), know.rate_of(second))),
         accelerations=(*accelerations, *minus(know.turning_of(first), know.turning_of(second))),
         ends=(first, second),
     )
 
 
-def axis_and_sine(turn: Matrix) -> Vector:
-    """The axis of a rotation times the sine of its angle."""
+def turned_by(turn: Matrix) -> Vector:
+    """The axis of a rotation times twice the tangent of half its angle, which is not defined for half a turn.
+
+    It is 0 for no rotation only, as the sine of the angle is not, and Newton's step from an angle is its sine.
+    """
     twist = (sub(turn[2][1], turn[1][2]), sub(turn[0][2], turn[2][0]), sub(turn[1][0], turn[0][1]))
-    return scaled(num(0.5), twist)
+    trace = sum_of([turn[0][0], turn[1][1], turn[2][2]])
+    return scaled(div(num(2.0), add(num(1.0), trace)), twist)
 
 
 def _ends(dynamics: Dynamics, equality: Equality) -> tuple[Frame, Frame]:

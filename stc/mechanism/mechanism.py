@@ -344,7 +344,7 @@ class Mechanism:
         n_coordinates, n_freedoms: lengths of ``qpos`` and ``qvel``.
         n_controls, n_activations: lengths of ``ctrl`` and ``act``.
         excluded: pairs of bodies that never touch.
-        warnings: what MuJoCo said as it read the file.
+        warnings: what MuJoCo said as it read the file, and what looks like a mistake in it.
         changes: what of a URDF is left out or changed to make a model of it, each in a sentence.
         left_out: kinds of things that are knowingly not in it; see :mod:`stc.mechanism.refusals`.
         others: elements that have no counterpart here, such as flexes and plugins: kind, name and place.

@@ -5,8 +5,9 @@ The result contains numbers only, and no objects of MuJoCo.
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,7 +93,7 @@ class _Reader:
         return Mechanism(
             source=source,
             bodies=self._bodies(),
-            joints=self._joints(),
+            joints=(joints := self._joints()),
             geoms=self._geoms(),
             sites=self._sites(),
             tendons=self._tendons(),
@@ -121,7 +122,7 @@ class _Reader:
             n_controls=int(m.nu),
             n_activations=int(m.na),
             others=self._others(),
-            warnings=told,
+            warnings=(*told, *self._small_ranges(joints)),
             changes=changes,
         )
 
@@ -167,6 +168,20 @@ class _Reader:
                 owner = self.body_places[body] if body else None
                 found[element.id] = self.places.of(element.info, tag, element.name, owner)
         return found
+
+    def _small_ranges(self, joints: Sequence[Joint]) -> Iterator[str]:
+        """A doubt, if all ranges of hinges would be less than a turn in rad, and are stated in degrees."""
+        ranges = [joint for joint in joints if joint.kind == "hinge" and joint.limited]
+        if (
+            ranges
+            and self.spec.compiler.degree
+            and all(max(map(abs, joint.bounds)) <= math.radians(2.0 * math.pi) for joint in ranges)
+        ):
+            low, high = map(math.degrees, ranges[0].bounds)
+            yield (
+                f"no hinge has a range beyond 6.28 degrees; that of {ranges[0].name} is {low:.3g} to {high:.3g}: if "
+                'the file means rad, it needs `<compiler angle="radian"/>`'
+            )
 
     def _bodies(self) -> tuple[Body, ...]:
         m = self.m

@@ -15,7 +15,6 @@ from stc.language.constant_values import ConstantValues
 from stc.language.constants import Constants
 from stc.language.diagnostics import Diagnostics
 from stc.language.names import collect_names
-from stc.origin import model_of
 from stc.problem import (
     ConstantRef,
     DefinitionRef,
@@ -27,6 +26,7 @@ from stc.problem import (
     VariableRef,
 )
 from stc.solution import Solution
+from stc.solution_origin import model_of
 from stc.steering.handles import DECIMALS, Handle, body_name, qpos_at
 from stc.steering.knobs import Knobs
 from stc.steering.posed_body import FloatArray, Place, PosedBody, moving_bodies

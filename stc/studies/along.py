@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from stc.errors import StcError
-from stc.restated import problem_of
 from stc.solution import Solution
+from stc.solution_restated import problem_of
 from stc.studies.equation_report import EquationReport
 from stc.studies.equations import check_equations
 

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.origin import model_of
 from stc.problem import Problem
 from stc.records import dataclass
-from stc.restated import stated_again
 from stc.solution import Solution
+from stc.solution_origin import model_of
+from stc.solution_restated import stated_again
 from stc.solver.pairs import Pairs
 from stc.studies.explain import frames_in_words
 from stc.symbolic.expr import ZERO

@@ -13,7 +13,8 @@ from stc.phases import named_cuts, resolved, stretches
 from stc.problem import IndexRef, Problem, TimeRef, VariableRef
 from stc.records import dataclass
 from stc.solution import Solution
-from stc.studies.discretisation import derivative_at_frames, fixed_values
+from stc.studies.discretisation import derivative_at_frames
+from stc.symbol_values import fixed_values
 from stc.symbolic.expr import Expr, evaluate_all, symbols
 from stc.transcription.schemes import stencil_reach
 

@@ -33,10 +33,11 @@ from numpy.typing import NDArray
 
 from stc.phases import phases, resolved, stretches
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, Rotation, TimeRef, VariableRef
-from stc.rates import quaternion_product
 from stc.records import dataclass
 from stc.solution import Solution
+from stc.symbol_values import fixed_values, values_at
 from stc.symbolic.expr import Expr, evaluate_all, neg, sym, symbols
+from stc.time_derivatives import quaternion_product
 from stc.transcription.schemes import stencil_reach
 
 __all__ = ["Estimate", "estimate"]
@@ -218,7 +219,8 @@ class _Flow:
         Corrections that diverge, as where a step is long for a stiff system, are summed as the alternating geometric
         series that they begin.
         """
-        values, shape = _between(solution, steps)
+        values = values_at(solution, index := steps[:, None] + SHARES)
+        shape = index.shape
         inverse = self._inverse(values, shape) if self.bodies else np.zeros((shape[0], 0, 0))
         lengths = np.diff(solution.time)[steps][:, None]
         found: States = {}
@@ -300,25 +302,6 @@ def _readable(body: Expr, solution: Solution) -> bool:
         elif not isinstance(key, ConstantRef | ParameterRef | TimeRef | IndexRef):
             return False
     return True
-
-
-def fixed_values(solution: Solution) -> dict[object, Any]:
-    values: dict[object, Any] = {ConstantRef(k): v for k, v in solution.constants.items()}
-    values.update({ParameterRef(k): v for k, v in solution.parameters.items()})
-    return values
-
-
-def _between(solution: Solution, steps: NDArray[np.int_]) -> tuple[dict[object, Any], tuple[int, int]]:
-    """The value of every symbol at the quadrature points of some steps, and the shape (steps, points)."""
-    index = steps[:, None] + SHARES
-    motion = solution.at_frame(index)
-    values = fixed_values(solution)
-    for name, order in solution.trajectories:
-        values[VariableRef(name, order)] = motion[name + "'" * order]
-    lengths = np.diff(solution.time)
-    values[TimeRef()] = solution.time[steps][:, None] + SHARES * lengths[steps][:, None]
-    values[IndexRef()] = index
-    return values, index.shape
 
 
 # ------------------------------------------------------------------ central differences
@@ -414,8 +397,8 @@ def quadrature_errors(problem: Problem, solution: Solution) -> FloatArray:
 def _integral_gap(solution: Solution, body: Expr, steps: NDArray[np.int_]) -> FloatArray:
     """The integral over each step along the curves, minus the method's own. (steps,)"""
     lengths = np.diff(solution.time)[steps]
-    values, shape = _between(solution, steps)
-    inside = np.broadcast_to(np.asarray(evaluate_all([body], values)[0], float), shape)
+    values = values_at(solution, index := steps[:, None] + SHARES)
+    inside = np.broadcast_to(np.asarray(evaluate_all([body], values)[0], float), index.shape)
     channels = solution.trajectories.items()
     left = _at_nodes(solution, body, steps, {key: c.after[steps] for key, c in channels})
     right = _at_nodes(solution, body, steps + 1, {key: c.before[steps + 1] for key, c in channels})

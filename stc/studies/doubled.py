@@ -15,9 +15,9 @@ import numpy as np
 
 from stc.deadline import spent
 from stc.errors import StcError
-from stc.origin import model_of
-from stc.same_motion import check_same_motion
 from stc.solution import Solution
+from stc.solution_origin import model_of
+from stc.solving.same_motion import check_same_motion
 from stc.studies.frames import ORDER, Spread
 from stc.trajectory import Channel
 

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.errors import SpecError, UsageError
-from stc.nested import own_constants
 from stc.pipeline import Model
 from stc.problem import Problem
 from stc.records import dataclass
-from stc.same_motion import (
+from stc.solving.fewer_frames import own_constants
+from stc.solving.same_motion import (
     BESIDE,
     check_same_motion,
     growing_sum,

@@ -186,7 +186,7 @@ def problem_of_solution(solution: Solution) -> Problem:
     if solution.origin is not None:
         stated: Problem = solution.origin.transcription(solution.method, **solution.overrides)[0]
         return stated
-    from stc.restated import problem_of
+    from stc.solution_restated import problem_of
 
     return problem_of(solution)
 

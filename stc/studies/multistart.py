@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from stc import deadline
 from stc.arguments import whole
 from stc.errors import EvaluationError, SpecError, UsageError
-from stc.given_values import GivenValues, NodeValues
-from stc.guess_file import read_guess
+from stc.guesses.file import read_guess
+from stc.guesses.values import GivenValues, NodeValues
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution

@@ -17,9 +17,9 @@ from stc.errors import UnsolvedError, UsageError
 from stc.pipeline import Model
 from stc.problem import Problem
 from stc.records import dataclass, field
-from stc.same_motion import instead_of_sum
 from stc.solution import Solution
-from stc.studies.frames import Spread
+from stc.solving.same_motion import instead_of_sum
+from stc.studies.frames import Spread, in_shares
 from stc.validate import limits
 from stc.validate.metrics import Metric
 from stc.validate.replay import replay
@@ -131,12 +131,15 @@ def observe_order(
     Args:
         model: the spec; its n is that of the coarsest solve.
         method: a transcription in place of the spec's own.
-        solve: function to use in place of ``model.solve``, with the same arguments (to watch it).
+        solve: function to use in place of ``model.solve``, with the same arguments (to watch it), of a model with
+            its frames as shares of n (:func:`stc.studies.frames.in_shares`).
 
     Raises:
         UsageError: the spec cannot be refined as it is written (the message says where), or it names no model.
         UnsolvedError: a solve does not end optimal.
     """
+    if solve is None:
+        model = in_shares(model, method)
     problem = model.problem(method)
     if problem.model is None:
         raise UsageError(f"{problem.name} names no model", "a `replay:` section ties a spec to its model")

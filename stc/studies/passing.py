@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from itertools import pairwise
 from typing import Any
 
 from stc.errors import UsageError
-from stc.origin import statements_between
 from stc.pipeline import Model
 from stc.records import dataclass, field
 from stc.solution import Solution
+from stc.statements_between import statements_between
 from stc.studies.effort import Clock, Effort
 from stc.studies.finer import solve_finer
 from stc.studies.frames import MOST_AT_ONCE, ORDER, SAFETY, Spread, in_shares
@@ -30,7 +31,8 @@ __all__ = ["Attempt", "Passing", "frames_needed", "solve_until_passed"]
 
 MOST_ATTEMPTS = 5
 NO_FALL = 0.7
-"""The search stops if, with more frames, the worst measurement is not below this share of the last one."""
+"""The search stops if, with more frames, neither the worst measurement nor the error of a step is below this share of
+the last one, or twice in a row the measurement is not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,8 @@ class Attempt:
         The measurement that exceeds its limit most, of those that more frames can reduce; empty if there is none.
     excess : float
         Its value as a multiple of the limit; 0 if there is none.
+    grid_error : float
+        The largest estimated error of a step, as a share; 0 if there is no estimate.
     """
 
     n: int
@@ -55,6 +59,7 @@ class Attempt:
     iterations: int
     worst: str
     excess: float
+    grid_error: float
 
 
 @dataclass(slots=True)
@@ -157,7 +162,8 @@ def solve_until_passed(
             found.effort.add(solution)
         good = solution.status == "optimal"
         metrics = certify(solution, statements=statements_between(solution)).metrics if good else ()
-        found.attempts.append(_attempt(solution, metrics))
+        told = local_grid_error(solution)
+        found.attempts.append(_attempt(solution, metrics, 0.0 if told is None else told.largest))
         if on_attempt is not None:
             on_attempt(found.attempts[-1])
         if good or found.solution is None:
@@ -166,7 +172,6 @@ def solve_until_passed(
         if found.message or all(metric.verdict != "fail" for metric in metrics):
             return found
         needed = frames_needed(solution.method, metrics)
-        told = local_grid_error(solution)
         # An error so large says little of how it falls, and the motion may be an artefact of its grid.
         times *= needed if told is None or told.largest <= GROSS else min(needed, MOST_FROM_GROSS)
         try:
@@ -176,11 +181,13 @@ def solve_until_passed(
             return found
 
 
-def _attempt(solution: Solution, metrics: Sequence[Metric]) -> Attempt:
+def _attempt(solution: Solution, metrics: Sequence[Metric], grid_error: float) -> Attempt:
     beyond = [(one.value / one.limit, one) for one in metrics if one.limit and _can_fall(one)]
     excess, worst = max(beyond, key=lambda pair: pair[0], default=(0.0, None))
     name = "" if worst is None else f"{worst.name}, {worst.subject}"
-    return Attempt(solution.n, solution.status, solution.objective, solution.iterations, name, excess)
+    return Attempt(
+        solution.n, solution.status, solution.objective, solution.iterations, name, excess, grid_error
+    )
 
 
 def _can_fall(metric: Metric) -> bool:
@@ -200,8 +207,11 @@ def _in_the_way(found: Passing, good: bool, metrics: Sequence[Metric], clock: Cl
         return f"with n = {now.n} the rest is due to the model's contacts, which more frames cannot correct"
     if failed and clock.is_over:
         return f"the time limit of {clock.limit:g} s came first, with n = {now.n}"
-    before = found.attempts[-2] if len(found.attempts) > 1 else None
-    if failed and before is not None and (now.excess > NO_FALL * before.excess):
+    stalls = [b.excess > NO_FALL * a.excess for a, b in pairwise(found.attempts)]
+    # From a coarse grid a drift may rise at first; then the steps' own errors fall.
+    rises = [b.grid_error > NO_FALL * a.grid_error for a, b in pairwise(found.attempts)]
+    if failed and stalls[-1:] == [True] and (rises[-1] or stalls[-2:] == [True, True]):
+        before = found.attempts[-2]
         return (
             f"more frames no longer help: {now.worst} is {now.excess:.3g} times its limit with n = {now.n}, after "
             f"{before.excess:.3g} times with n = {before.n}"

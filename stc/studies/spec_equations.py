@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from stc.phases import Equation, Phase, resolved
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
-from stc.rates import time_derivative
 from stc.records import dataclass
 from stc.symbolic.differentiate import jacobian
 from stc.symbolic.expr import ZERO, Expr, evaluate_all, substitute, symbols
 from stc.symbolic.structure import is_linear
+from stc.time_derivatives import time_derivative
 
 FloatArray = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.errors import UsageError
-from stc.origin import model_of
 from stc.problem import CellRef, ConstantRef, ObjectiveTerm, ParameterRef, VariableRef
 from stc.records import dataclass
+from stc.solution_origin import model_of
 from stc.symbolic.differentiate import derivative
 from stc.symbolic.expr import ONE, Expr, call, div, evaluate, mul, symbols
 from stc.transcription.grid import Nodes

@@ -35,7 +35,7 @@ from stc.transcription.steps import Steps
 from stc.transcription.turns import turns_between
 
 if TYPE_CHECKING:
-    from stc.given_values import GivenValues, NodeValues
+    from stc.guesses.values import GivenValues, NodeValues
     from stc.solution import Solution
 
 FloatArray = NDArray[np.float64]
@@ -193,7 +193,7 @@ def check_names(given: GivenValues, problem: Problem) -> None:
     known = [*problem.variables, *problem.parameters]
     unknown = [name for name in given.names() if name.rstrip("'") not in known]
     if not unknown or (not given.strict and len(unknown) < len(list(given.names()))):
-        from stc.given_values import warn_of_unused
+        from stc.guesses.values import warn_of_unused
 
         warn_of_unused(given, problem.name, {**_used(problem), **dict.fromkeys(problem.parameters)})
         return
@@ -213,7 +213,7 @@ def check_motion(earlier: Solution, problem: Problem) -> None:
     Raises:
         UsageError: with the variables of both.
     """
-    from stc.given_values import SolutionValues
+    from stc.guesses.values import SolutionValues
 
     if problem.variables and not set(problem.variables).intersection(earlier.variables):
         raise UsageError(

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.problem import DefinitionRef, IndexRef, Problem, TimeRef, VariableRef
-from stc.rates import one_sided, time_derivative
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, substitute, sum_of, sym, symbols
+from stc.time_derivatives import one_sided, time_derivative
 from stc.transcription.grid import Grid, IntArray, Nodes
 from stc.transcription.layout import Layout
 from stc.transcription.rotations import without_angular_accelerations

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from stc.data_sets import TIME
 from stc.errors import Diagnostic, SpecError
 from stc.problem import CellRef, ConstantRef, ObjectiveTerm, TimeRef, VariableRef
-from stc.rates import rate_with
 from stc.symbolic.expr import Expr, substitute, sum_of, sym, symbols
+from stc.time_derivatives import rate_with
 from stc.trajectory import Channel, Places, curves, horner, places
 from stc.transcription.grid import AFTER, Nodes
 from stc.transcription.lower import DataRef, Lowering

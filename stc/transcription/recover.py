@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, TimeRef, VariableRef
-from stc.rates import time_derivative
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, evaluate, sym, symbols
+from stc.time_derivatives import time_derivative
 from stc.trajectory import Channel
 from stc.transcription.grid import AFTER, BEFORE, Grid, IntArray, Nodes
 from stc.transcription.layout import Layout

@@ -1,8 +1,8 @@
 """An earlier solution's multipliers on other frames, statement by statement.
 
-Frames are aligned phase by phase (see :mod:`stc.alignment`).  The multipliers of a statement on a range of frames are a
-density in time: each of its rows has the share of the time around its node, so that twice as many rows have half the
-multiplier each.  A statement on a single frame, and the link of a step (whose multiplier is the
+Frames are aligned phase by phase (see :mod:`stc.guesses.alignment`).  The multipliers of a statement on a range of
+frames are a density in time: each of its rows has the share of the time around its node, so that twice as many rows
+have half the multiplier each.  A statement on a single frame, and the link of a step (whose multiplier is the
 costate), have values of their own that do not depend on the step.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.alignment import Alignment
+from stc.guesses.alignment import Alignment
 from stc.records import dataclass
 from stc.solution import MultiplierBlock, Solution
 from stc.transcription.bind import BoundProgram

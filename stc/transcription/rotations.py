@@ -24,8 +24,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from stc.problem import Rotation, VariableRef
-from stc.rates import quaternion_product, time_derivative
 from stc.symbolic.expr import ONE, ZERO, Expr, neg, sub, substitute, sum_of, sym, symbols
+from stc.time_derivatives import quaternion_product, time_derivative
 
 HALF = Fraction(1, 2)
 

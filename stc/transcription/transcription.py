@@ -29,7 +29,7 @@ from stc.transcription.stated import Stated, state
 from stc.transcription.statements import LINK
 
 if TYPE_CHECKING:
-    from stc.given_values import GivenValues
+    from stc.guesses.values import GivenValues
 
 FloatArray = NDArray[np.float64]
 

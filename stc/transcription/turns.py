@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.rates import quaternion_product
 from stc.symbolic.expr import evaluate_all, sym
+from stc.time_derivatives import quaternion_product
 
 FloatArray = NDArray[np.float64]
 

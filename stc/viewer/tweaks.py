@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from stc.errors import StcError
-from stc.origin import model_of
 from stc.records import dataclass, field
 from stc.solution import Solution
+from stc.solution_origin import model_of
 from stc.viewer.constants import Constant, constants_of
 
 #: A solve for a wish that is no longer the newest may take so long, in seconds, before it is stopped.

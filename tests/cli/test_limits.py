@@ -76,7 +76,7 @@ stc.cli.main.main()
 #: Phases of a solve by a function that each goes through.
 PHASES = {
     "parsing": ("stc.pipeline", "", "parse"),
-    "stating": ("stc.kept_transcriptions", "", "elaborate"),
+    "stating": ("stc.solving.kept_transcriptions", "", "elaborate"),
     "deriving": ("stc.transcription.derive", "Group", "differentiate"),
     "compiling": ("stc.transcription.transcription", "", "compile_tapes"),
     "binding": ("stc.transcription.transcription", "", "evaluate_bounds"),
@@ -151,8 +151,8 @@ class TestTimeLimits:
         ],
     )
     def test_every_optimizer_ends(self, spec: str, n: int, optimizer: str, tmp_path: Path) -> None:
-        words = ["solve", f"{spec}.stc", "--set", f"n={n}", "--optimizer", optimizer, "--time-limit", "2"]
-        code, record, _ = ended(stc_process(tmp_path, *words, "--json", "-o", "a.npz"), 2.0)
+        words = ["solve", f"{spec}.stc", "--set", f"n={n}", "--optimizer", optimizer, "--time-limit", "1"]
+        code, record, _ = ended(stc_process(tmp_path, *words, "--json", "-o", "a.npz"), 1.0)
         if record["status"] == "error":  # some take no equations, or bounded variables alone, and say so
             assert (code, optimizer in ("nlopt:mma", "nlopt:ccsaq", "nlopt:isres")) == (2, True)
             return
@@ -180,8 +180,8 @@ class TestTimeLimits:
     )
     def test_every_command_ends(self, words: list[str], tmp_path: Path) -> None:
         frames = {"compare": 600}.get(words[0], 20_000)
-        running = stc_process(tmp_path, *words, "--set", f"n={frames}", "--time-limit", "2", "--json")
-        code, record, _ = ended(running, 2.0)
+        running = stc_process(tmp_path, *words, "--set", f"n={frames}", "--time-limit", "1", "--json")
+        code, record, _ = ended(running, 1.0)
         assert code == 1
         if words[0] == "compare":
             runs: Any = record.get("optimizers", [])

@@ -168,13 +168,20 @@ def test_one_frame_cannot_be_refined(stc_: Stc) -> None:
 
 @pytest.mark.slow
 def test_a_motion_is_run_until_it_is_verified(stc_: Stc) -> None:
-    status, out, err = stc_("run", "particle_waypoints", "--until-verified", "1e-9")
+    status, out, err = stc_(
+        "run", "particle_waypoints", "--set", "n=8", "--set", "T=0.5", "--until-verified", "1e-9"
+    )
     assert (status, err) == (0, "")
     assert rows(out)[0] == ["n", "objective", "drift", "of", "judged", "by", "iterations"]
     assert "in all       1 solve, " in out and "\npassed: " in out
     path = specs.locate("particle_waypoints")
     assert path is not None
-    Path("wrong.stc").write_text(path.read_text().replace("m*x'' = fx", "m*x'' = 1.1*fx"))
+    Path("wrong.stc").write_text(
+        path.read_text()
+        .replace("m*x'' = fx", "m*x'' = 1.1*fx")
+        .replace("n = 60", "n = 8")
+        .replace("T = 2", "T = 0.5")
+    )
     status, out, err = stc_("run", "wrong.stc", "--until-verified", "1e-9")
     assert status == 1
     assert (
@@ -183,7 +190,9 @@ def test_a_motion_is_run_until_it_is_verified(stc_: Stc) -> None:
     assert len(rows(out)) == 2
     status, _, err = stc_("run", "wrong.stc", "--until-verified", "1e-3", "--refine", "1e-3")
     assert (status, "give one of them" in err) == (2, True)
-    status, out, err = stc_("run", "particle_waypoints", "--until-verified", "1e-99")
+    status, out, err = stc_(
+        "run", "particle_waypoints", "--set", "n=8", "--set", "T=0.5", "--until-verified", "1e-99"
+    )
     assert status == 1
     assert "\npassed: " in out
     assert err.rstrip().endswith("note: the motion passed, but the search did not reach its goal")

@@ -85,7 +85,7 @@ def test_a_page_that_is_not_written_is_told_of(command: str, stc_: Stc) -> None:
 # ------------------------------------------------------------------ files that are taken for others
 
 
-@pytest.mark.daily_every(3)
+@pytest.mark.daily_every(5)
 @pytest.mark.parametrize("command", ["solve", "run", "compare", "check"])
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
 def test_a_solution_is_no_spec_and_a_table_no_solution(command: str, suffix: str, stc_: Stc) -> None:

@@ -50,6 +50,11 @@ def test_the_method_can_be_chosen() -> None:
     assert "trapezoidal" in STAGES["problem"](stc.load(SPEC), "trapezoidal")
 
 
+def test_contacts_of_a_model_are_no_plain_statements() -> None:
+    with pytest.raises(UsageError, match="quadruped_hop takes its contacts from a model"):
+        STAGES["contact"](stc.load("quadruped_hop"), None)
+
+
 def test_an_unknown_stage_gets_the_nearest() -> None:
     with pytest.raises(UsageError, match="tape"):
         find("tap")

@@ -30,12 +30,16 @@ sys.exit(run(sys.argv[2:]))
 def test_what_was_found_is_shown_where_the_report_cannot_be_written(
     command: str, as_json: bool, tmp_path: Path
 ) -> None:
-    solution, file = stc.load("particle_waypoints", n=20).solve(), tmp_path / "particle_waypoints.npz"
+    solution, file = stc.load("particle_waypoints", n=20, T=0.5).solve(), tmp_path / "particle_waypoints.npz"
     solution.save(file)
     # The solution can be written, a page without pictures cannot; so it does not matter whether there is OpenGL.
     page = certify(solution).write(tmp_path / "whole.html", pictures=False)
     most = (file.stat().st_size + page.stat().st_size) // 2
-    target = ["particle_waypoints", "--set", "n=20"] if command == "run" else ["particle_waypoints.npz"]
+    target = (
+        ["particle_waypoints", "--set", "n=20", "--set", "T=0.5"]
+        if command == "run"
+        else ["particle_waypoints.npz"]
+    )
     words = [command, *target, "--report", "a.html", *(["--json"] if as_json else [])]
     done = subprocess.run(
         [sys.executable, "-c", SMALL_FILES, str(most), *words],

@@ -66,6 +66,7 @@ def swing() -> Solution:
     return stc.load(CART).solve()
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_swing_up_is_explained_by_its_effort_alone(tmp_path: Path) -> None:
     made = stc.load("cart_pole_swing_up").solve()

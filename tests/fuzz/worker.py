@@ -19,7 +19,7 @@ from pathlib import Path
 
 from fuzz.cases import CORPUS, Case, Corpus, case
 from stc.cli.main import run
-from stc.visible import visible
+from stc.terminal_text import visible
 
 #: Statuses that a command may end with.
 STATUSES = (0, 1, 2)

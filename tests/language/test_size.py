@@ -40,7 +40,7 @@ def test_what_is_nested_without_end_is_refused(statement: str, message: str) -> 
     assert len(caught.value.diagnostics) == 1
 
 
-@pytest.mark.daily_every(2)
+@pytest.mark.daily_every(4)
 @pytest.mark.parametrize(
     ("first", "following", "use"),
     [

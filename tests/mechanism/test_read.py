@@ -161,6 +161,25 @@ def test_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert read_model("m.xml", text="<mujoco/>").warnings == ()
 
 
+@pytest.mark.parametrize(
+    ("compiler", "others", "doubted"), [("", "", True), ('angle="radian"', "", False), ("", "-90 90", False)]
+)
+def test_ranges_in_rad_that_are_read_in_degrees_are_doubted(
+    compiler: str, others: str, doubted: bool
+) -> None:
+    ranges = ["-1.2 0.8", others or "0 2.5"]
+    bodies = "".join(
+        f'<body name="b{k}"><joint name="j{k}" range="{each}"/><geom size=".1"/></body>'
+        for k, each in enumerate(ranges)
+    )
+    told = read_model(
+        "m.xml", text=f"<mujoco><compiler {compiler}/><worldbody>{bodies}</worldbody></mujoco>"
+    ).warnings
+    assert [("j0" in each and "-1.2 to 0.8" in each and "radian" in each) for each in told] == [
+        True
+    ] * doubted
+
+
 def test_what_is_no_model(tmp_path: Path) -> None:
     """The message names the file and carries MuJoCo's own."""
     broken = tmp_path / "broken.xml"

@@ -123,6 +123,7 @@ def test_a_drag_is_followed_undone_and_written(tmp_path, width, height):
     session.close()
 
 
+@pytest.mark.nightly
 def test_a_slider_a_key_and_a_lost_connection(tmp_path):
     told = []
     session = Session(read_source("luxo_poses"), told=lambda: [tell() for tell in told])

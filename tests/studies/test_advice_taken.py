@@ -67,7 +67,7 @@ def test_the_spec_and_its_model_agree(judged):
     assert judged().passed
 
 
-@pytest.mark.daily_every(4)
+@pytest.mark.daily_every(8)
 @pytest.mark.parametrize(
     ("constant", "value"),
     [("d1", 0.3), ("d2", 0.2), ("F2", 0.5), ("G1", 2.5), ("G2", 4), ("A1", 0.15), ("I1", 0.15), ("d1", 0.05)],
@@ -79,7 +79,7 @@ def test_giving_the_model_the_number_that_blame_tells_makes_the_motion_pass(judg
     assert judged(line_of(certificate.findings[0]), **{constant: value}).passed
 
 
-@pytest.mark.daily_every(3)
+@pytest.mark.daily_every(8)
 @pytest.mark.parametrize(
     ("constant", "value", "joint", "kind"),
     [

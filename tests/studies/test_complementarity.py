@@ -11,7 +11,7 @@ import pytest
 
 import stc
 from stc.cli.main import run
-from stc.judging import judge
+from stc.solution_claims import judge
 
 PROBLEMS = Path(__file__).parents[1] / "problems" / "complementarity"
 

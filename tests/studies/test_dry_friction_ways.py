@@ -42,7 +42,7 @@ def judged(
     return certify(stc.load(folder / "block.stc").solve(), equations=True)
 
 
-@pytest.mark.daily_every(2)
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
 def test_friction_against_the_motion_is_right(tmp_path: Path, method: str) -> None:
     for motion, friction in ((FORWARDS, "- F"), (BACKWARDS, "+ F")):
@@ -50,7 +50,7 @@ def test_friction_against_the_motion_is_right(tmp_path: Path, method: str) -> No
         assert certificate.passed, certificate.headline
 
 
-@pytest.mark.daily_every(2)
+@pytest.mark.daily_every(4)
 @pytest.mark.parametrize(
     ("motion", "friction", "values"),
     [

@@ -335,7 +335,7 @@ def test_the_joint_and_kind_that_a_mistake_is_in_are_named(name: str) -> None:
             assert report.findings[0].startswith(f"joint {joints[rows.index(row)]}: "), mutant.what
 
 
-@pytest.mark.daily_every(2)
+@pytest.mark.daily_every(4)
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.nightly if n in SIMILAR else ()) for n in MODELLED]
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from planted_faults import text_of
 
@@ -35,6 +37,36 @@ def test_what_frames_cannot_correct_ends_it() -> None:
     found = solve_until_passed(stc.load(wrong, n=16))
     assert "more frames cannot correct" in found.message and "inverse-dynamics" in found.message
     assert len(found.attempts) == 1
+
+
+#: A drone with a parcel on a string.
+DRONE = """<mujoco><worldbody><body name="drone" pos="0 0 1"><freejoint/>
+  <geom type="box" size=".15 .15 .03" mass="1.2"/>
+  <body name="string" pos="0 0 -.03"><joint name="swing" type="ball" damping=".002"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".005" mass=".02"/>
+    <body pos="0 0 -.55"><geom type="box" size=".05 .05 .05" mass=".3"/></body></body>{sites}</body></worldbody>
+  <actuator>{rotors}</actuator></mujoco>"""
+DELIVERY = """constants: n = 60, T = 2.5, h = T/n;
+model: "drone.xml";
+constraints: [0]: keyframe.reference; rest; [n]: keyframe.reference + (2, 0.5, 0.5); rest;
+objective: [0, n]: integral(effort);
+"""
+
+
+@pytest.mark.nightly
+def test_a_drift_may_rise_while_the_grid_is_coarse(tmp_path: Path) -> None:
+    """The drift of the string is 2.5 times its limit with 60 frames, 4.4 times with 120, and 0.6 times with 240."""
+    corners = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
+    sites = "".join(f'<site name="r{k}" pos="{0.15 * x} {0.15 * y} 0"/>' for k, (x, y) in enumerate(corners))
+    rotors = "".join(
+        f'<motor site="r{k}" gear="0 0 1 0 0 {0.02 * x * y}" ctrlrange="0 8"/>'
+        for k, (x, y) in enumerate(corners)
+    )
+    (tmp_path / "drone.xml").write_text(DRONE.format(sites=sites, rotors=rotors), encoding="utf-8")
+    (tmp_path / "delivery.stc").write_text(DELIVERY, encoding="utf-8")
+    found = solve_until_passed(stc.load(tmp_path / "delivery.stc"))
+    assert found.message == "" and found.solution is not None
+    assert validate(found.solution).passed
 
 
 def test_a_motion_that_passes_is_solved_once() -> None:

@@ -45,7 +45,7 @@ def judged(tmp_path):
     return call
 
 
-@pytest.mark.daily_every(5)
+@pytest.mark.daily_every(8)
 @pytest.mark.parametrize("name", SMOOTHED)
 @pytest.mark.parametrize("goal", [1, -1])
 def test_smoothed_friction_is_called_that_and_the_damping_right(judged, name, goal):

@@ -68,7 +68,7 @@ def test_a_wrong_replay_line_is_told_at_once():
 
 
 def test_rounding_ends_it():
-    found = solve_until_verified(stc.load("particle_waypoints", n=8), 1e-18)
+    found = solve_until_verified(stc.load("particle_waypoints", n=8, T=0.5), 1e-18)
     assert not found.verified
     assert "more frames no longer reduce the drift" in found.message
 

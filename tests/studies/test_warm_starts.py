@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import stc
-from stc import kept_transcriptions, pipeline
-from stc.given_values import SolutionValues
+from stc import pipeline
+from stc.guesses.values import SolutionValues
+from stc.solving import kept_transcriptions
 from stc.specs import names as bundled_specs
 
 HOPPER = """

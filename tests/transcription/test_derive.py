@@ -132,7 +132,7 @@ def test_another_process_finds_derivatives_and_machine_code(kept):
             text=True,
             check=True,
         ).stdout.split("] ")
-        for seed in (1, 2, 3)
+        for seed in (1, 2)
     ]
     assert len({digests for digests, _ in told}) == 1
-    assert [cached.strip() for _, cached in told] == ["False", "True", "True"]
+    assert [cached.strip() for _, cached in told] == ["False", "True"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.alignment import Alignment
+from stc.guesses.alignment import Alignment
 from stc.transcription.resample import resample_multipliers
 
 TRAJECTORIES = Path(__file__).parent.parent / "problems" / "traj"

@@ -84,6 +84,7 @@ def test_a_loop_stated_by_accelerations_is_told_to_drift_and_the_advice_closes_i
     assert opened(judged(pulled(told[1], told[2]), n=n, D=D)) < 0.05 * opened(certificate)
 
 
+@pytest.mark.nightly
 def test_a_loop_that_its_condition_closes_too_slowly_wants_frames_alone(judged):
     weak = pulled(10, 25)
     certificate = judged(weak, n=20)

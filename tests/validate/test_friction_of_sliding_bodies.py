@@ -78,7 +78,7 @@ def test_a_body_does_not_slide_without_its_friction(
     assert step.endswith(f"body b has {stated:.3g} times its normal force, its contacts have 0.4")
 
 
-@pytest.mark.daily_every(2)
+@pytest.mark.daily_every(3)
 @pytest.mark.parametrize(("method", "n"), [("hermite-simpson", 10), ("trapezoidal", 10), ("trapezoidal", 40)])
 def test_a_body_that_brakes_by_friction_slides_rightly(tmp_path: Path, method: str, n: int) -> None:
     """The law is stated up to the frame before the stop: the last step has it in the mean."""

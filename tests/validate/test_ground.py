@@ -95,7 +95,8 @@ replay:
 """
 
 
-@pytest.mark.parametrize(("top", "verdict"), [(0.0, "pass"), (0.005, "fail")])
+@pytest.mark.daily_every(2)
+@pytest.mark.parametrize(("top", "verdict"), [(0.005, "fail"), (0.0, "pass")])
 def test_a_driven_slide_is_judged_open_loop(tmp_path: Path, top: float, verdict: str) -> None:
     (tmp_path / "slider.xml").write_text(SLIDER_MODEL)
     (tmp_path / "slider.stc").write_text(SLIDER.format(top=top))

@@ -51,7 +51,7 @@ with open("outcomes.json", "w") as file:
 
 @pytest.fixture(scope="module")
 def motion() -> Solution:
-    return stc.load("particle_waypoints", n=20).solve()
+    return stc.load("particle_waypoints", n=20, T=0.5).solve()
 
 
 @pytest.mark.daily_every(4)
@@ -97,6 +97,7 @@ def test_a_process_outlives_every_try_and_says_the_same_each_time(
     assert not list(tmp_path.glob("motion.[pg]*"))
 
 
+@pytest.mark.daily_every(2)
 @pytest.mark.parametrize("asked", ["nonsense", "osmesa"])
 def test_a_graphics_library_that_is_not_there_costs_no_verdict(
     motion: Solution, tmp_path: Path, asked: str

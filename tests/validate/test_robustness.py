@@ -71,7 +71,7 @@ def test_the_command_reports_the_envelope(
 ) -> None:
     path = f"{tmp_path}/particle.npz"
     particle.solution.save(path)
-    assert run(["validate", path, "--robustness", "--samples", "2", "--seed", "7", "--json"]) == 0
+    assert run(["validate", path, "--robustness", "--samples", "1", "--seed", "7", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out.splitlines()[-1])["robustness"]
     assert [kind["kind"] for kind in facts["kinds"]] == list(KINDS)
     assert facts["seed"] == 7 and facts["base_unit"] == "m"

@@ -9,9 +9,9 @@ import pytest
 from viewer.motions import PUSH, push
 
 from stc.errors import UsageError
-from stc.origin import model_of
 from stc.pipeline import load
 from stc.solution import read
+from stc.solution_origin import model_of
 from stc.viewer import report
 from stc.viewer.constants import constants_of, slider_range
 from stc.viewer.live import LiveSolve

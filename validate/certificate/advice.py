@@ -281,6 +281,11 @@ def _effect(metric: Metric, more_frames: str, soft: str) -> str:
         step += (
             "; if that does not help, compare the solved contact forces with MuJoCo's in the page of --report"
         )
+    elif metric.name.startswith("inequality between") and "pushes (force)" in metric.subject:
+        step += (
+            "; if the number stays as it is and another contact ends within that step, write `sudden` at that contact: "
+            "its force need not fade within one step, and hands its load over at once"
+        )
     elif soft and metric.name.startswith(_REPLAYED):
         step = f"{soft}; if that does not help, {step}"
     return step

@@ -23,6 +23,7 @@ from stc.language.model.statements import (
     own_forces,
     replay_lines,
 )
+from stc.language.model.statics import Statics
 from stc.problem import (
     Fixture,
     FrameRange,
@@ -108,6 +109,12 @@ class ModelStatements:
         yield from self.standing.pins()
         for row, statement in self.periodic:
             yield Relation(row.body, ZERO, ZERO, FrameRange(0, 0), context.span(statement), row.text)
+
+    def warn_of_poses(self, relations: Sequence[Relation]) -> None:
+        """Warn of poses at rest that cannot be held; ``relations`` are all of the problem."""
+        freedoms = {name for one in self.scope.coordinates for name in one.freedoms}
+        equations = [one for one in relations if one.coordinate in freedoms]
+        Statics(self.context, self.scope, self.contacts, equations).warn(self.pinned)
 
     def objective(self) -> list[ObjectiveTerm]:
         """The cost of landing speeds."""

@@ -34,14 +34,15 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
-from stc.rates import one_sided
 from stc.symbolic.expr import ONE, ZERO, Expr, call, div, mul, neg, num, sub, sum_of, sym
+from stc.time_derivatives import one_sided
 
 #: Share of the weight by which friction may exceed its cone where a contact bears nothing.
 NEGLIGIBLE = 1e-4
 
-#: The normals of the sides of the pyramid in which the impulses of points are.
-PYRAMID = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
+#: The normals of the sides of the pyramid in which the impulses of points are.  Four give up more of the friction, and
+#: with 16 solves take longer (docs/ablation.md).
+PYRAMID = tuple((math.cos(math.pi * k / 4), math.sin(math.pi * k / 4)) for k in range(8))
 
 
 class Contacts(Schedule):
@@ -71,7 +72,7 @@ class Contacts(Schedule):
         torque: Vector = (parts[3], parts[4], parts[5]) if len(parts) > 3 else ORIGIN
         surface = surface or self.surface(contact)
         if contact.radius:
-            torque = plus(torque, cross(vector([-contact.radius * part for part in surface.normal]), force))
+            torque = plus(torque, cross(contact.down(surface), force))
         yield Wrench(contact.frame, force, torque)
         if surface.frame is not None:  # It does not turn: only the force does anything to its body.
             yield Wrench(surface.frame, negative(force))
@@ -102,8 +103,7 @@ class Contacts(Schedule):
             velocity = self._seen(contact, surface)[1]
             turning = self.paths.turning(contact.frame)[0]
             if contact.radius:
-                down = vector([-contact.radius * part for part in surface.normal])
-                velocity = plus(velocity, cross(turning, down))
+                velocity = plus(velocity, cross(turning, contact.down(surface)))
             rates = [*velocity, *turning][: len(contact.forces)]
             yield contact, list(zip(contact.forces, rates, strict=True))
 
@@ -281,7 +281,7 @@ class Contacts(Schedule):
     def _of_contact(contact: Contact, phase: Phase, moved: Vector, turned: Vector) -> list[Expr]:
         normal = phase.surface.normal
         if contact.radius:
-            moved = plus(moved, cross(turned, vector([-contact.radius * part for part in normal])))
+            moved = plus(moved, cross(turned, contact.down(phase.surface)))
         if contact.kind == "pin":
             return list(moved)
         found = [dot(vector(axis), moved) for axis in (*phase.surface.tangents, normal)]
@@ -477,10 +477,10 @@ class Contacts(Schedule):
     def replay_lines(self) -> Iterator[ReplayChannel]:
         """The replay lines of forces that MuJoCo's own contacts supply."""
         for contact in self.contacts.values():
-            span = self.context.span(contact.statement)
+            span, surface = self.context.span(contact.statement), self.surface(contact)
+            place = contact.touching(surface)
             for part, name in zip(FORCES[contact.kind], contact.forces, strict=True):
-                yield ReplayChannel("contact", (*contact.path, part), sym(VariableRef(name)), span)
-            surface = self.surface(contact)
+                yield ReplayChannel("contact", (*place, part), sym(VariableRef(name)), span)
             if surface.frame is not None:
                 for part, name in zip(FORCES["point"], contact.forces, strict=False):
                     yield ReplayChannel("contact", (*surface.path, part), neg(sym(VariableRef(name))), span)

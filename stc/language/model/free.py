@@ -20,8 +20,8 @@ sum is that of two products of numbers, 2 (f v + mu p s) = (mu p + f) (s + v) + 
 
 Two methods reduce the products to zero, each where it performed better (docs/complementarity.md).
 The laws of standing contacts and of those that slide in three dimensions are relaxed by a constant, which the solve
-reduces (Scholtes 2001, :mod:`stc.relaxing`): at zero no point has room on all sides.  What slides in the plane is
-stated by complementary pairs, whose products are an exact penalty (:mod:`stc.solver.complementarity`).
+reduces (Scholtes 2001, :mod:`stc.solving.complementarity`): at zero no point has room on all sides.  What slides in the
+plane is stated by complementary pairs, whose products are an exact penalty (:mod:`stc.solver.complementarity`).
 """
 
 from __future__ import annotations

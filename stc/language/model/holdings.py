@@ -8,7 +8,7 @@ from dataclasses import replace
 from stc.errors import Span
 from stc.language.context import Context
 from stc.language.model.scope import ModelScope, path_of
-from stc.mechanism.equalities import Held, axis_and_sine, held
+from stc.mechanism.equalities import Held, held, turned_by
 from stc.mechanism.forces import Forces
 from stc.mechanism.tree import WORLD
 from stc.mechanism.vectors import dot, product, transposed
@@ -170,7 +170,7 @@ class Equalities:
         now = self.scope.dynamics.kinematics.axes_of(one.ends[not first])
         x, y, z = [(one_frame_on(row[0]), one_frame_on(row[1]), one_frame_on(row[2])) for row in now]
         turn = product((x, y, z), transposed(now)) if first else product(now, transposed((x, y, z)))
-        changes = (*(unchanged(place) for place in one.places[:3]), *axis_and_sine(turn))
+        changes = (*(unchanged(place) for place in one.places[:3]), *turned_by(turn))
         return [Place(rate, change=change) for rate, change in zip(one.rates, changes, strict=False)]
 
     def _rows(self, one: Held) -> Callable[[Sequence[Expr]], list[Expr]]:

@@ -20,7 +20,7 @@ from stc.symbolic.expr import Expr, evaluate_all, symbols
 #: What is left of a unit row beside others, below which it counts as one of their combinations.
 DEPENDENT = 1e-6
 #: Loops of a configuration are closed to so much, in m or rad, in so many steps, none of which is larger than this.
-_CLOSED, _ROUNDS, _FAR = 1e-10, 50, 0.3
+_CLOSED, _ROUNDS, _FAR, _ASIDE = 1e-10, 50, 0.3, 1e-3
 #: Half the displacement of a difference quotient of rows, in m or rad, and what is zero in one.
 _NEAR, _FLAT = 1e-4, 1e-5
 
@@ -56,9 +56,9 @@ class Point:
                 velocities[key] = unit[at]
                 at += 1
         rows = self._evaluated(rates, velocities)
-        return np.array([np.broadcast_to(np.asarray(row, float), (at,)) for row in rows]).reshape(
-            len(rates), at
-        )
+        found = np.array([np.broadcast_to(np.asarray(row, float), (at,)) for row in rows])
+        found[~np.isfinite(found)] = 0.0  # of a weld that is half a turn open, which has no axis
+        return found.reshape(len(rates), at)
 
     def closed(self, zeros: Sequence[Expr], rates: Sequence[Expr]) -> Point:
         """A configuration close by in which functions of it are 0; this one if none is found.
@@ -75,9 +75,16 @@ class Point:
             off = point.numbers(zeros)
             if np.abs(off).max() < _CLOSED:
                 return point
+            if not np.isfinite(off).all():
+                point = point.aside()
+                continue
             step = np.linalg.lstsq(point.jacobian(rates), -off, rcond=DEPENDENT)[0]
             point = point.moved(step * min(1.0, _FAR / max(np.abs(step).max(), _CLOSED)))
         return self
+
+    def aside(self) -> Point:
+        """A configuration beside this one: a weld that is half a turn open here has an axis to turn about there."""
+        return self.moved(np.full(self.scope.mechanism.n_freedoms, _ASIDE))
 
     def moved(self, step: Matrix) -> Point:
         """The configuration after a displacement along each degree of freedom, (nv,), to first order."""

@@ -20,6 +20,8 @@ from stc.problem import VariableRef
 from stc.symbolic.expr import ZERO, Expr, mul, neg, num, sub, sym
 
 _SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"), ("L", "R"), ("l", "r"))
+#: A name of something on one side; a letter only where it stands by itself.
+_SIDED = re.compile("left|right|LEFT|RIGHT|Left|Right|(?<![A-Za-z])[LRlr](?![A-Za-z])")
 
 
 def mirrored_rows(
@@ -35,6 +37,12 @@ def mirrored_rows(
 
     for one in scope.coordinates:
         other = others.get(other_side(one.joint.name, set(others)), one)
+        if other is one and _SIDED.search(one.joint.name):
+            message = (
+                f"joint `{one.joint.name}` has no counterpart on the other side, and is its own mirror image"
+            )
+            hint = "joints are exchanged if their names differ by left and right, L and R, or l and r alone"
+            context.diagnostics.warning(message, pose.start, pose.end, hint)
         signs = _signs(scope, one, other)
         if signs is None:
             hint = "its axis and that of its mirror image do not fit; state what repeats by itself"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stc.rates import quaternion_product
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, neg
+from stc.time_derivatives import quaternion_product
 
 #: Values of coordinates by the names of their variables, angular velocities left out.
 Values = dict[str, Expr]

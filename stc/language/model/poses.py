@@ -19,8 +19,8 @@ from stc.language.model.pose_rows import Stated, Values, turn_between
 from stc.language.model.scope import ModelScope, quoted
 from stc.language.words import KEYFRAME
 from stc.problem import FrameRange, Guess, Relation, VariableRef
-from stc.rates import quaternion_product
 from stc.symbolic.expr import ZERO, Expr, call, mul, neg, num, sub, sym
+from stc.time_derivatives import quaternion_product
 
 #: The name of the pose that the model file draws.
 REFERENCE = f"{KEYFRAME}.reference"

@@ -16,7 +16,7 @@ from stc.language.model.scope import FORCES, SLIP, ModelScope, path_of
 from stc.language.model.surfaces import Surface, floor, surface_of
 from stc.mechanism.mechanism import Geom, index_of
 from stc.mechanism.tree import Frame, rotation
-from stc.mechanism.vectors import vector
+from stc.mechanism.vectors import Vector, vector
 from stc.problem import FrameRange
 from stc.records import dataclass, field
 from stc.symbolic.expr import Expr, is_literal, num
@@ -62,6 +62,7 @@ class Contact:
     Attributes:
         frame: its place in the model; for a sphere the centre.
         radius: radius of a rolling sphere, with its margin; else 0.
+        margin: the margin of its geom, as far as it is known.
         half: half lengths of a sole along its own axes.
         free: for a contact under ``free:``, a phase over the whole motion; None for a contact with ranges.
     """
@@ -72,6 +73,7 @@ class Contact:
     path: tuple[str, ...]
     frame: Frame
     radius: float = 0.0
+    margin: float = 0.0
     half: tuple[float, float] = (0.0, 0.0)
     options: dict[str, Expr] = field(default_factory=dict)
     phases: list[Phase] = field(default_factory=list)
@@ -91,6 +93,21 @@ class Contact:
     def glides(self) -> bool:
         """Whether it is a point without friction: nothing holds it along its surface."""
         return self.kind == "point" and is_literal(self.options["friction"], 0.0)
+
+    def arm(self, surface: Surface) -> float:
+        """The distance from the centre of a ball to where it touches a surface: half way between the two, as in MuJoCo,
+        where margins hold them apart.
+        """
+        return self.radius + 0.5 * (surface.margin - self.margin)
+
+    def down(self, surface: Surface) -> Vector:
+        """The way from the centre of a ball to where it touches a surface."""
+        return vector([-self.arm(surface) * part for part in surface.normal])
+
+    def touching(self, surface: Surface) -> tuple[str, ...]:
+        """The path of the place at which its force acts in the replay."""
+        ball = self.radius and self.path[0] == "body"
+        return (*self.path[:-1], repr(self.arm(surface))) if ball else self.path
 
     def slides_on(self, phase: Phase) -> bool:
         """Whether it may move along its surface on the frames of a phase."""
@@ -192,9 +209,8 @@ class Schedule:
             frame, path = self.point(where)
             radius = 0.0 if rolls is None or kind != "point" else self._radius(*rolls)
             path = (*path, repr(radius)) if radius else path
-            if radius:
-                self._nearest_ball(where, path, radius)
-            return Contact(name, kind, statement, path, frame, radius=radius)
+            margin = self._nearest_ball(where, path, radius) if radius else 0.0
+            return Contact(name, kind, statement, path, frame, radius, margin)
         assert isinstance(where, syntax.Name)
         of, *rest = parts_of(where.name)
         named = rest[0] if len(rest) == 1 else ""
@@ -203,8 +219,8 @@ class Schedule:
             site, radius = self.scope.mechanism.sites[index], self._radius(*rolls)
             body = self.scope.mechanism.bodies[site.body].name
             path = ("body", body, *map(repr, site.pos), repr(radius))
-            self._nearest_ball(where, path, radius)
-            return Contact(name, kind, statement, path, self.paths.frame(of, named), radius=radius)
+            margin = self._nearest_ball(where, path, radius)
+            return Contact(name, kind, statement, path, self.paths.frame(of, named), radius, margin)
         index = index_of(self.scope.mechanism.geoms, named) if of == "geom" else None
         if rolls is not None and (index is None or self.scope.mechanism.geoms[index].kind != "capsule"):
             raise PathError(
@@ -239,7 +255,8 @@ class Schedule:
                 f"the geom `{rest[0]}` is a {geom.kind}, which does not touch at a single point",
                 self._instead(geom),
             )
-        return Contact(name, kind, statement, (of, rest[0]), frame, radius=geom.size[0] + geom.margin)
+        radius = geom.size[0] + geom.margin
+        return Contact(name, kind, statement, (of, rest[0]), frame, radius, geom.margin)
 
     def _instead(self, geom: Geom) -> str:
         """A hint for a contact at a geom that is not a sphere."""
@@ -257,8 +274,10 @@ class Schedule:
             return f"its ends are balls: {' and '.join(ends)}, each with {radius}"
         return "put a site where it touches, or write `point(body.NAME, x, y, z)`"
 
-    def _nearest_ball(self, where: syntax.Expression, path: Sequence[str], radius: float) -> None:
-        """Warn of a ball close to one of the model's, but beside it: MuJoCo's contacts are at that one."""
+    def _nearest_ball(self, where: syntax.Expression, path: Sequence[str], radius: float) -> float:
+        """The margin of the model's ball that this is, 0 if it is none; a warning if it is close to one, but beside it,
+        since MuJoCo's contacts are at that one.
+        """
         of, at, mechanism = path[1], np.array(path[2:5], float), self.scope.mechanism
         balls = [
             (float(np.linalg.norm(ball - at)), abs(geom.size[0] + geom.margin - radius), ball, geom)
@@ -267,15 +286,18 @@ class Schedule:
             for ball in _balls(geom)
         ]
         if not balls:
-            return
+            return 0.0
         away, wider, ball, geom = min(balls, key=lambda one: max(one[:2]))
-        if not _SAME < max(away, wider) < _NEAR:
-            return
+        if max(away, wider) >= _NEAR:
+            return 0.0
+        if max(away, wider) <= _SAME:
+            return geom.margin
         message = (
             f"the model touches the floor {1e3 * max(away, wider):.2g} mm beside this ball, with one "
             f"at `point({path_of('body', of)}, {_written(ball)}), radius = {geom.size[0] + geom.margin:.6g}`"
         )
         self.context.diagnostics.warning(message, where.start, where.end)
+        return geom.margin
 
     def point(self, call: syntax.Call) -> tuple[Frame, tuple[str, ...]]:
         """The frame of ``point(body.NAME, x, y, z)``, and the path of its body.

@@ -299,6 +299,8 @@ def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
         diagnostics.warning(
             f"of {path.name} something is left out or changed: {told}", first.start, first.end
         )
+    for doubt in mechanism.warnings:
+        diagnostics.warning(f"{path.name}: {doubt}", first.start, first.end)
     mechanism = without(mechanism, left)
     stated = refusals(mechanism)
     for refusal in stated:

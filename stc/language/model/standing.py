@@ -27,10 +27,10 @@ from stc.language.model.mirror import other_side
 from stc.language.model.pose_rows import Stated, Values
 from stc.language.model.scope import ModelScope
 from stc.problem import Correction, Fixture, FrameRange, ParameterRef, Relation, VariableRef
-from stc.rates import one_sided
 from stc.records import dataclass, field
 from stc.symbolic.differentiate import adjoints
 from stc.symbolic.expr import ZERO, Expr, neg, num, sym
+from stc.time_derivatives import one_sided
 
 #: A pinned pose that has a contact farther off its surface than this, in m, is a mistake.
 OFF_SURFACE = 1e-3
@@ -99,6 +99,10 @@ class Standing:
         self._known_at: dict[int, tuple[list[Holding], bool]] = {}
         self.generic = self._generic(links)
         self.drawn = self._drawn()
+        if not np.isfinite(
+            self.drawn.numbers([place.zero for place, _ in self.rows if place.zero is not None])
+        ).all():
+            self.drawn = self.drawn.aside()
         self._check_links(links)
         self.stretches = list(self._stretches())
         self._check_freedom()

@@ -30,6 +30,7 @@ class Surface:
         name: its name in messages.
         normal, tangents: unit vectors.
         origin: origin of the coordinates along it; zero for a plane that moves, which has it in its frame.
+        margin: of its geom, with which it lies above the geom's own face.
         friction, condim, priority: of its geom; the first is sliding friction.
         frame, path: of a plane that moves, its origin in its body, and the geom or site to which it belongs.
     """
@@ -43,6 +44,7 @@ class Surface:
     priority: int = 0
     frame: Frame | None = None
     path: tuple[str, str] = ("", "")
+    margin: float = 0.0
 
     def friction_with(self, geom: Geom | None) -> float:
         """The sliding friction of a geom on this surface, as MuJoCo combines the two; of no geom, the surface's own.
@@ -159,7 +161,10 @@ def _surface(name: str, turn: np.ndarray, origin: np.ndarray, thing: Geom | Site
         return x, y, z
 
     x, y, z = [float(part) for part in origin]
-    friction, condim, priority = 1.0, 3, -1 if isinstance(thing, Site) else 0
-    if isinstance(thing, Geom):
-        friction, condim, priority = thing.friction[0], thing.condim, thing.priority
-    return Surface(name, axis(2), (axis(0), axis(1)), (x, y, z), friction, condim, priority)
+    along = (axis(0), axis(1))
+    if not isinstance(thing, Geom):
+        return Surface(name, axis(2), along, (x, y, z), 1.0, priority=-1 if isinstance(thing, Site) else 0)
+    friction = thing.friction[0]
+    return Surface(
+        name, axis(2), along, (x, y, z), friction, thing.condim, thing.priority, margin=thing.margin
+    )

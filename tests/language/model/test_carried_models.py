@@ -64,6 +64,14 @@ def test_a_changed_model_does_not_change_the_motion_but_the_verdict(saved: Path)
     assert any("has changed since this motion was solved" in fault for fault in report.faults)
 
 
+def test_a_model_that_is_edited_between_two_solves_is_judged_as_it_is(tmp_path: Path) -> None:
+    """In one process, as in a notebook: the text of the spec is the same, its model is not."""
+    for mass in ("1", "2"):
+        solution = load(tmp_path, ARM.replace('mass="1"', f'mass="{mass}"'), SPEC).solve()
+        report = validate(solution)
+        assert report.findings == report.faults == [] and report.claims.optimality < 1e-6
+
+
 def test_another_model_with_other_joints_is_told_of(saved: Path) -> None:
     (saved.parent / "robot.xml").write_text(ARM.replace('name="a" axis', 'name="b" axis'), encoding="utf-8")
     assert stc.read(saved)["joint.a"][-1] == pytest.approx(1.0)

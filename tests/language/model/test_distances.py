@@ -219,7 +219,7 @@ def test_a_point_in_a_body_moves_as_mujoco_moves_it(tmp_path: Path) -> None:
 def test_an_arm_swings_around_a_box(tmp_path: Path) -> None:
     """The bundled arm with a box in its way: four links keep off it, and a look between the frames finds the same."""
     from stc import models
-    from stc.between import check_statements
+    from stc.statements_between import check_statements
 
     path = models.locate("arm7.xml")
     assert path is not None

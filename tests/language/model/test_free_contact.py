@@ -370,6 +370,14 @@ def test_a_schedule_states_sliding_in_a_plane(tmp_path: Path) -> None:
         load(tmp_path, BLOCK, spec).problem()
 
 
+def test_what_is_put_down_at_the_end_has_no_stance_there(tmp_path: Path) -> None:
+    motor = '<actuator><motor name="lift" joint="z" ctrlrange="-90 90"/></actuator></mujoco>'
+    asked = "[0, n]: foot_fz <= 0.01; [n]: joint.z; joint.z'; objective: [0, n]: integral(actuator.lift^2);"
+    put = load(tmp_path, BLOCK.replace("</mujoco>", motor), FALL + asked, n=12).solve()
+    assert put.status == "optimal"
+    assert found_ranges(put) == {"foot": []}
+
+
 def test_what_slides_in_space_has_no_schedule(tmp_path: Path) -> None:
     solution = load(tmp_path, BLOCK, FALL).solve(z0=0, v=1, mu=0.3)
     with pytest.raises(UsageError, match="`foot` slides by"):

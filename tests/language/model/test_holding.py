@@ -257,3 +257,28 @@ objective: [0, n]: integral(joint.yaw0'^2);
     lifts = np.abs(ways[int((sizes > 1e-9).sum()) :] @ centre[2]).max() > 1e-9
     assert lifts == knees
     assert any("lift the centre of mass" in one for one in warnings) == (not lifts)
+
+
+#: A wrist on an arm; its file draws it where the weld to the world is open by an angle.
+WRIST = """<mujoco><worldbody><body name="arm" pos="0 0 1"><joint name="a" axis="0 1 0"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".03" mass="1"/>
+  <body name="hand" pos="0 0 -.5"><joint name="b" axis="0 1 0"/><geom type="box" size=".1 .05 .05" mass=".5"/>
+  <body name="tool" pos=".2 0 0"><joint name="c" axis="1 0 0"/><joint name="d" axis="0 0 1"/>
+  <geom size=".04" mass=".2"/></body></body></body><body name="frame"/></worldbody>
+  <equality><weld body1="frame" body2="tool" relpose="{x} 0 {z} {w} 0 {y} 0"/></equality>
+  <actuator><motor name="a" joint="a"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("angle", [0.5, 1.8, 2.9])
+def test_a_weld_that_is_drawn_open_is_closed(tmp_path: Path, angle: float) -> None:
+    """Turned by more than a right angle as well, where the sine of the angle falls."""
+    x, z = 0.2 * np.cos(angle), 0.5 - 0.2 * np.sin(angle)
+    text = WRIST.format(x=x, z=z, w=np.cos(angle / 2), y=np.sin(angle / 2))
+    page = "constants: n = 10, T = 1, h = T/n; constraints: [0]: rest; objective: [0, n]: integral(effort);"
+    solution = load(tmp_path, text, page).solve()
+    assert solution.status == "optimal"
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.qpos[:] = [solution[f"joint.{name}"][0] for name in "abcd"]
+    mujoco.mj_forward(model, data)
+    assert np.abs(data.efc_pos[:6]).max() < 1e-6

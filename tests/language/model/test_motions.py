@@ -265,6 +265,19 @@ def test_the_way_from_pose_to_pose_leads_through_a_guessed_one(tmp_path: Path) -
     assert knee[4:] == pytest.approx(np.linspace(-2.0, -1.6, 9))
 
 
+def test_a_side_without_a_counterpart_is_told(tmp_path: Path) -> None:
+    sides = "".join(
+        f'<body name="{name}"><joint name="{name}" axis="0 1 0"/><geom size=".1"/></body>'
+        for name in ("hip_L", "hip_R", "left_arm", "lever")
+    )
+    text = f"<mujoco><worldbody><body><freejoint/><geom size='.1'/>{sides}</body></worldbody></mujoco>"
+    spec = (
+        "constants: n = 8, h = 0.1; constraints: [0, n]: periodic mirrored; objective: [0, n]: integral(0);"
+    )
+    (told,) = load(tmp_path, text, spec).problem().warnings
+    assert "`left_arm` has no counterpart" in told.message
+
+
 def test_a_mirrored_motion_starts_from_a_pose_and_its_mirror_image(tmp_path: Path) -> None:
     spec = """constants: n = 10, T = 0.4, h = T/n;
     poses: stride = keyframe.stand, joint.FLh = 1.2, joint.RRa = 0.2;

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from stc.cli.body_turns import turns
 from stc.cli.main import run
-from stc.turns import turns
 
 from .bodies import load
 

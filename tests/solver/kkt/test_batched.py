@@ -187,6 +187,7 @@ def test_frames_that_hold_a_variable_are_left_out():
     assert other is not one
 
 
+@pytest.mark.nightly
 def test_runs_of_unequal_length_have_segments_of_their_own():
     """Eight segments in either, and next to nothing left: of equal length, they would leave a whole segment."""
     rng = np.random.default_rng(21)

@@ -134,3 +134,13 @@ def test_forces_that_swing_from_node_to_node_are_named(tmp_path: Path, size: flo
     solution.replay.append(ReplayChannel("contact", ("body", "rod", "fx"), force))
     steps = swing_steps(open_setup(solution))
     assert [" (and 1 more), which no contact" in step for step in steps] == [True] * told
+
+
+def test_an_abrupt_end_is_advised_where_a_contact_pulls_between_frames() -> None:
+    def advice(subject: str) -> str:
+        return " ".join(
+            next_steps([Metric("inequality between frames", subject, 0.2, "share", 0.02)], compared=True)
+        )
+
+    assert "write `sudden`" in advice("hop.stc:7:3: toe pushes (force) at t = 0.2 s")
+    assert "sudden" not in advice("hop.stc:3:8: range of actuator.knee at t = 0.2 s")

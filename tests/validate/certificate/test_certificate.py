@@ -137,7 +137,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.daily_every(3)
+@pytest.mark.daily_every(4)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_fails_with_joint_and_term_in_the_first_line(fault: str) -> None:
     name, old, new, joint, term = FAULTS[fault]

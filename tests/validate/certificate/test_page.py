@@ -152,7 +152,7 @@ def test_the_command_writes_it_and_says_so(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MUJOCO_GL", "off")
-    assert run(["run", "particle_waypoints", "--set", "n=20", "--report", "p.html"]) == 0
+    assert run(["run", "particle_waypoints", "--set", "n=20", "--set", "T=0.5", "--report", "p.html"]) == 0
     assert capsys.readouterr().out.rstrip().endswith("certificate: p.html")
     assert "No pictures: " in Page((tmp_path / "p.html").read_text()).text
     assert run(["validate", "particle_waypoints.npz", "--report", "q.html", "--json"]) == 0

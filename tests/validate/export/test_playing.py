@@ -49,6 +49,7 @@ def test_the_example_plays_the_lamp(
     assert tracked < 5e-6
 
 
+@pytest.mark.nightly
 def test_feedback_holds_what_is_unstable(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

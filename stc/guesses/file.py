@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stc import npz
 from stc.errors import UsageError
-from stc.given_values import GivenValues, SolutionValues, table
+from stc.guesses.values import GivenValues, SolutionValues, table
 from stc.solution import Solution, read
 from stc.solution_file import contents
 

@@ -10,7 +10,7 @@ import pytest
 
 from stc.cli.main import run
 from stc.errors import Source, Span
-from stc.visible import VisibleStream, visible
+from stc.terminal_text import VisibleStream, visible
 
 #: Changes the colour, the title and the direction of what follows.
 STEERING = "\x1b[31mX\x1b]0;title\x07\u202e\x9b"

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from stc import models
-from stc.collecting import motion_at
 from stc.errors import SolutionError, Source, StcError, UsageError
 from stc.language.elaborate import elaborate
 from stc.language.parser import parse
@@ -23,8 +22,9 @@ from stc.problem import Problem
 from stc.recorded_files import DATA_ROLE, RecordedFile, present, unpacked
 from stc.records import dataclass
 from stc.solution import Solution
-from stc.solution_file import MISSHAPEN, PLAIN_FACTS, damaged, files_of, load
-from stc.stored import Stored
+from stc.solution_content import Stored
+from stc.solution_file import MISSHAPEN, PLAIN_FACTS, damaged, files_of, load, model_files
+from stc.solving.collect import motion_at
 from stc.trajectory import FloatArray
 from stc.transcription.multipliers import bound_nodes, multiplier_blocks, rows_by_statement
 from stc.transcription.stated import Stated, state
@@ -102,7 +102,8 @@ def problem_of(solution: Solution) -> Problem:
         SpecError: the text is not a spec.
         UsageError: a constant in the solution's overrides is not declared in the text.
     """
-    key = _key(solution.source, solution.overrides, solution.method, [*solution.files, *solution.data])
+    files = [*model_files(solution), *solution.data]
+    key = _key(solution.source, solution.overrides, solution.method, files)
     if not _last or _last[0].key != key:
         problem = elaborate(parse(source_of(solution)), solution.overrides, solution.method)
         _last[:] = [_Restated(key, problem)]

@@ -15,8 +15,8 @@ from stc.language.parser import parse
 from stc.language.syntax import Declaration
 from stc.problem import Problem
 from stc.recorded_files import changed
-from stc.restated import stated_again
 from stc.solution import Solution
+from stc.solution_restated import stated_again
 from stc.transcription.point import Found, Miss, Point
 from stc.validate import limits
 from stc.validate.claims import Claim, Claims

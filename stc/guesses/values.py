@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.alignment import Alignment
 from stc.errors import UsageError
+from stc.guesses.alignment import Alignment
 from stc.records import dataclass, field
 from stc.solution import Solution
 

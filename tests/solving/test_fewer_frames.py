@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import stc
-from stc.nested import ITERATIONS, NEARLY, Nested, fewer_frames, half_way
 from stc.pipeline import Model
 from stc.solver import IterationRecord, Options, Result, Start, Status
-from stc.solving import ColdSolve
+from stc.solving.fewer_frames import ITERATIONS, Nested, fewer_frames
 
 PENDULUM = """
 constants: n = 400, T = 2, g = 9.81, umax = 14;
@@ -180,8 +179,8 @@ def test_the_time_limit_is_that_of_all_solves() -> None:
 class Fake:
     """Solves that end as told, and what they were asked."""
 
-    def __init__(self, model: Model, coarse: Result, *fine: Result, alike: bool = False) -> None:
-        self.small, self.answers, self.alike = model, [coarse, *fine], alike
+    def __init__(self, model: Model, coarse: Result, *fine: Result) -> None:
+        self.small, self.answers = model, [coarse, *fine]
         self.asked: list[tuple[Options, Start | None]] = []
 
     def coarse(self, options: Options, told: object) -> stc.Solution:
@@ -198,24 +197,15 @@ class Fake:
 
     def run(self, options: Options | None = None) -> Result:
         start = Start(np.zeros(1), np.zeros(1), np.zeros(1))
-        nested = Nested(
-            self.coarse, self.between, lambda _: start, lambda *_: self.alike, self.fine, options or Options(), None
-        )  # fmt: skip
+        nested = Nested(self.coarse, lambda _: start, self.fine, options or Options(), None)
         return nested.fewer_first(1.0)
 
     def helped(self, levels: int) -> Result:
         """From the own guess, with so many numbers of fewer frames to turn to."""
         offers = iter(range(levels))
         start = Start(np.zeros(1), np.zeros(1), np.zeros(1))
-        nested = Nested(
-            self.coarse, self.between, lambda _: start, lambda *_: self.alike, self.fine, Options(), None
-        )
+        nested = Nested(self.coarse, lambda _: start, self.fine, Options(), None)
         return nested.fewer_for_help(lambda _: next(offers, None) is not None)
-
-    def between(
-        self, before: stc.Solution, options: Options, told: object
-    ) -> tuple[stc.Solution, float] | None:
-        return self.coarse(options, told), 2.0
 
 
 def ended(status: Status, objective: float, iterations: int) -> Result:
@@ -256,108 +246,16 @@ def test_what_needs_no_help_gets_none(small: Model, status: Status) -> None:
     assert Fake(small, ended(status, 5.0, 30)).helped(3).iterations == 30
 
 
-class Alone(Fake):
-    """The same where nothing is half way."""
-
-    def between(self, before: stc.Solution, options: Options, told: object) -> None:
-        return None
-
-
 def test_a_worse_solution_is_compared_with_that_from_the_own_guess(small: Model) -> None:
     answers = [ended(Status.OPTIMAL, 10.0, 7), ended(Status.OPTIMAL, 30.0, 2)]
-    fake = Alone(small, *answers, ended(Status.OPTIMAL, 9.0, 20))
+    fake = Fake(small, *answers, ended(Status.OPTIMAL, 9.0, 20))
     assert fake.run().objective == 9.0
     assert fake.asked[2][1] is None
-    fake = Alone(small, *answers, ended(Status.OPTIMAL, 40.0, 20))
-    result = fake.run()
-    assert (result.objective, result.iterations) == (30.0, 29)
-    fake = Alone(small, *answers, ended(Status.FAILED, 0.0, 20))
-    assert fake.run().objective == 30.0
-
-
-def test_a_worse_solution_is_taken_where_the_motion_half_way_is_as_bad(small: Model) -> None:
-    fake = Fake(
-        small,
-        ended(Status.OPTIMAL, 10.0, 7),
-        ended(Status.OPTIMAL, 30.0, 2),
-        ended(Status.OPTIMAL, 15.0, 5),  # whose objective is twice as large on all frames
-    )
-    result = fake.run()
-    assert (result.objective, result.iterations, result.factorizations) == (30.0, 14, 28)
-    assert len(fake.asked) == 3
-
-
-@pytest.mark.parametrize(
-    ("from_half_way", "taken", "iterations"), [(20.0, 20.0, 18), (21.5, 9.0, 38), (35.0, 9.0, 38)]
-)
-def test_a_better_motion_half_way_leads_on(
-    small: Model, from_half_way: float, taken: float, iterations: int
-) -> None:
-    fake = Fake(
-        small,
-        ended(Status.OPTIMAL, 10.0, 7),
-        ended(Status.OPTIMAL, 30.0, 2),
-        ended(Status.OPTIMAL, 10.0, 5),
-        ended(Status.OPTIMAL, from_half_way, 4),
-        ended(Status.OPTIMAL, 9.0, 20),
-    )
-    result = fake.run()
-    assert (result.objective, result.iterations) == (taken, iterations)
-    options, start = fake.asked[3]
-    assert start is not None and options.warm_start and not options.trusting
-    if taken == 9.0:  # neither is what was promised
-        assert fake.asked[4][1] is None
-
-
-def test_where_half_way_nothing_is_found_there_is_the_own_guess(small: Model) -> None:
-    answers = [ended(Status.OPTIMAL, 10.0, 7), ended(Status.OPTIMAL, 30.0, 2), ended(Status.FAILED, 1.0, 5)]
     fake = Fake(small, *answers, ended(Status.OPTIMAL, 40.0, 20))
     result = fake.run()
-    assert (result.objective, result.iterations) == (30.0, 34)
-
-
-def test_the_same_motion_is_taken_though_fewer_frames_promised_more(small: Model) -> None:
-    fake = Fake(small, ended(Status.OPTIMAL, 10.0, 7), ended(Status.OPTIMAL, 30.0, 2), alike=True)
-    assert (fake.run().objective, len(fake.asked)) == (30.0, 2)
-    fake = Fake(
-        small,
-        ended(Status.OPTIMAL, 10.0, 7),
-        ended(Status.FAILED, 30.0, 2),
-        ended(Status.OPTIMAL, 40.0, 2),
-        alike=True,
-    )
-    assert (fake.run().objective, len(fake.asked)) == (40.0, 3)
-
-
-@pytest.mark.parametrize("method", ["central", "trapezoidal", "hermite-simpson"])
-def test_motions_are_alike_where_all_that_moves_stays_near(method: str) -> None:
-    _, found = stc.load(PENDULUM).transcription(method=method)
-    solving = ColdSolve(stc.load(PENDULUM), found.problem, found, {}, Options())
-    layout = found.layout
-    time = np.linspace(0.0, 1.0, 401)
-
-    def vector(th: np.ndarray, u: np.ndarray) -> np.ndarray:
-        x = np.zeros(layout.size)
-        for name, order, before, after, _ in layout.slots():
-            if order == 0:
-                x[before] = x[after] = th if name == "th" else u
-        return x
-
-    def are_alike(one: np.ndarray, other: np.ndarray) -> bool:
-        return solving._alike(Start(one), replace(ended(Status.OPTIMAL, 0.0, 1), x=other))
-
-    swing = 1.5 * time**2 * (3.0 - 2.0 * time)
-    own = vector(swing, np.sin(9.0 * time))
-    assert are_alike(own, vector(swing + 0.3 * np.sin(3.0 * time), -np.sin(9.0 * time)))
-    assert not are_alike(own, vector(swing + 0.6 * np.sin(3.0 * time), np.sin(9.0 * time)))
-
-
-def test_what_few_frames_have_flattered_is_not_solved_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    once = stc.load(PENDULUM).solve()
-    monkeypatch.setattr("stc.nested.WORSE", -1.0)  # as if they had promised more
-    assert stc.load(PENDULUM).solve().iterations == once.iterations
-    monkeypatch.setattr("stc.solving.ALIKE", -1.0)
-    assert stc.load(PENDULUM).solve().iterations > once.iterations
+    assert (result.objective, result.iterations) == (30.0, 29)
+    fake = Fake(small, *answers, ended(Status.FAILED, 0.0, 20))
+    assert fake.run().objective == 30.0
 
 
 @pytest.mark.parametrize("status", [Status.FAILED, Status.INFEASIBLE, Status.ITERATION_LIMIT])
@@ -375,23 +273,6 @@ def test_what_fails_from_fewer_frames_is_tried_from_the_own_guess(small: Model) 
     )
     result = fake.run()
     assert (result.objective, result.iterations, result.factorizations) == (9.0, 31, 62)
-
-
-@pytest.mark.parametrize(
-    ("violation", "objective", "near"),
-    [(0.5 * NEARLY, 10.1, True), (2.0 * NEARLY, 10.1, False), (0.0, 12.0, False)],
-)
-def test_what_is_nearly_a_solution_is_started_from_anew(
-    small: Model, violation: float, objective: float, near: bool
-) -> None:
-    failed = replace(ended(Status.FAILED, objective, 4), x=np.ones(1), violation=violation)
-    fake = Fake(small, ended(Status.OPTIMAL, 10.0, 7), failed, ended(Status.OPTIMAL, 10.0, 5))
-    result = fake.run()
-    assert (result.objective, result.iterations) == (10.0, 16)
-    options, start = fake.asked[2]
-    assert not options.warm_start
-    assert (start is not None and start.x[0] == 1.0) == near
-    assert near or start is None
 
 
 def started(text: str, **options: int) -> tuple[list[str], stc.Solution]:
@@ -416,12 +297,6 @@ def test_a_prepared_solve_has_nothing_left_to_derive_or_compile(n: int) -> None:
     again = model.solve(n=n)
     assert len(model._transcriptions) == (2 if n == 400 else 1)
     assert again.objective == pytest.approx(solution.objective, rel=1e-8)
-
-
-def test_half_way_there_are_as_many_times_more_frames_as_all_are_more_than_these() -> None:
-    found = half_way(50, 800)
-    assert found is not None and found.fewest == 200
-    assert half_way(50, 199) is None
 
 
 LIMITS = [Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.FAILED]

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from stc.alignment import Alignment
 from stc.errors import StcError
+from stc.guesses.alignment import Alignment
 from stc.phases import named_cuts
 from stc.problem import Problem
 from stc.solution import Solution
@@ -42,7 +42,7 @@ def start_from(
         if not optimal:
             return Start(earlier.x), None
         return Start(earlier.x, earlier.row_multipliers, earlier.bound_multipliers), None
-    from stc.given_values import SolutionValues
+    from stc.guesses.values import SolutionValues
 
     bound = transcription.bind(problem.constants, guess=SolutionValues(earlier, alignment), check=False)
     if not optimal or not earlier.multipliers:

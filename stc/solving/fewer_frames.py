@@ -15,8 +15,8 @@ from math import ceil, gcd
 import numpy as np
 
 from stc import deadline
-from stc.alignment import Alignment
 from stc.errors import EndedError, SpecError, UsageError
+from stc.guesses.alignment import Alignment
 from stc.language.constants import Constants
 from stc.language.diagnostics import Diagnostics
 from stc.language.elaborate import elaborate
@@ -25,10 +25,10 @@ from stc.language.syntax import SpecTree
 from stc.phases import named_cuts
 from stc.problem import Problem
 from stc.records import dataclass
-from stc.same_motion import check_same_motion, takes_longer
 from stc.solution import Solution
 from stc.solver import IterationRecord, Options, Result, Start, Status
 from stc.solver.status import advice, sentence
+from stc.solving.same_motion import check_same_motion, takes_longer
 
 __all__ = [
     "COARSE",
@@ -37,7 +37,6 @@ __all__ = [
     "Fineness",
     "Nested",
     "fewer_frames",
-    "half_way",
     "own_constants",
 ]
 
@@ -63,17 +62,12 @@ three times fewer frames, both solves take 1.4 times as long as one (swings of r
 with many optima longer)."""
 COARSE = Fineness(20, 8, 1.6), Fineness(40, 16, 1.6), Fineness(80, 32, 1.6)
 """Limits where the guess leads nowhere on all frames, tried one after the other."""
-APART = 4.0
-"""Least ratio of two numbers of frames between which a third is inserted."""
 ITERATIONS = 150
 """Limits of iterations: a motion on fewer frames, or the solve from it on all frames, that takes more is not worth
 while.
 """
-NEARLY = 1e-4
-"""A motion with no larger violation of its constraints is used for another start."""
 WORSE = 0.05
-"""A solution whose objective exceeds that on fewer frames by this share is a different and worse motion, unless the
-two are alike: then the objective on fewer frames was too low."""
+"""A solution whose objective exceeds that on fewer frames by this share is probably a different and worse motion."""
 
 Callback = Callable[[IterationRecord], bool | None]
 
@@ -89,11 +83,6 @@ class FewerFrames:
 
     constants: Mapping[str, float]
     ratio: float
-
-
-def half_way(few: int, many: int) -> Fineness | None:
-    """The constants for a number of frames between two others; None if these are close to each other."""
-    return Fineness(round((few * many) ** 0.5), 1, 1.5) if many >= APART * few else None
 
 
 def own_constants(tree: SpecTree, overrides: Mapping[str, float]) -> list[str]:
@@ -170,32 +159,26 @@ class Nested:
 
     Args:
         coarse: solves the motion on fewer frames.
-        between: solves it half way to all frames, from the motion on fewer, and returns the ratio of the objective on
-            all frames as well; None if there is nothing between.
         start: the resulting start on all frames.
-        alike: whether a solution on all frames is the motion that it was started from.
         fine: solves on all frames, from the spec's own guess if the start is None.
         options, callback: options and callback of the whole solve.
     """
 
     coarse: Callable[[Options, Callback | None], Solution]
-    between: Callable[[Solution, Options, Callback | None], tuple[Solution, float] | None]
     start: Callable[[Solution], Start]
-    alike: Callable[[Start, Result], bool]
     fine: Callable[[Options, Start | None, Callback | None], Result]
     options: Options
     callback: Callback | None
     _iterations: int = 0
     _factorizations: int = 0
     _stopped: bool = False
-    _promised: float = 0.0  # the objective on all frames, if it is the same motion
     _best: Result | None = None  # on all frames
 
     def fewer_first(self, ratio: float) -> Result:
         """The result on all frames, with the iterations and factorisations of all solves.
 
-        The solve from the motion on fewer frames is accepted if its objective is no worse than on fewer frames, or if
-        it is the same motion; otherwise the motion half way between and the spec's own guess are tried as well.
+        The solve from the motion on fewer frames is accepted if its objective is hardly worse than on fewer frames;
+        otherwise the spec's own guess is tried as well.
 
         Args:
             ratio: see :class:`FewerFrames`.
@@ -205,8 +188,10 @@ class Nested:
             return self._counted(self._on_all(self._left(), Start(self.start(before).x)))
         found: Result | None = None
         if before.status == "optimal":
-            found, good = self._from_fewer(before, ratio)
-            if good or self._stopped or self._over:
+            found = self._on_all(self._from_other_frames(), self.start(before))
+            promised = ratio * before.objective
+            worst = promised + WORSE * max(abs(promised), abs(found.objective))
+            if self._stopped or (found.status is Status.OPTIMAL and found.objective <= worst):
                 return self._counted(found)
             self._count(found)
             if self._over:
@@ -217,67 +202,6 @@ class Nested:
                 self._count(other)
                 other = _uncounted(found)
         return self._counted(other)
-
-    def _from_fewer(self, before: Solution, ratio: float) -> tuple[Result, bool]:
-        """The result on all frames from the motion on fewer, whether it is a solution, and whether its objective is as
-        expected.
-        """
-        quick = self._from_other_frames()
-        self._promised = ratio * before.objective
-        start = self.start(before)
-        found = self._on_all(quick, start)
-        nearly = found.status is not Status.OPTIMAL and found.violation <= NEARLY
-        if nearly and self._as_promised(found) and not self._stopped:
-            # The scales were chosen, and the multipliers come, from far away.
-            self._count(found)
-            if self._over:
-                return _uncounted(found), False
-            found = self._on_all(self._attempt(), Start(found.x))
-        if found.status is Status.OPTIMAL and not self._is_that_motion(start, found):
-            found = self._compared_half_way(before, found)
-        return found, found.status is Status.OPTIMAL and self._is_that_motion(start, found)
-
-    def _is_that_motion(self, start: Start, found: Result) -> bool:
-        """Whether a solution is probably the motion from which it was started, or one that is as good."""
-        return self._as_promised(found) or self.alike(start, found)
-
-    def _compared_half_way(self, before: Solution, worse: Result) -> Result:
-        """A solution that is worse than expected, or the result from the motion half way if that has a better
-        objective.
-
-        Often the objective on few frames was too low; the motion half way then confirms the solution.
-        """
-        self._count(worse)
-        start = self._half_way(before)
-        if start is None or self._as_promised(worse) or self._stopped or self._over:
-            return _uncounted(worse)
-        other = self._on_all(self._from_other_frames(), start)
-        if other.status is Status.OPTIMAL and other.objective < worse.objective:
-            return other
-        self._count(other)
-        return _uncounted(worse)
-
-    def _as_promised(self, found: Result) -> bool:
-        """Whether the objective is hardly worse than on fewer frames."""
-        share = WORSE * max(abs(self._promised), abs(found.objective))
-        return bool(found.objective <= self._promised + share)
-
-    def _half_way(self, before: Solution) -> Start | None:
-        """A start from the motion half way between, if there is one."""
-        if self._over:
-            return None
-        try:
-            solved = self.between(before, self._attempt(2 * ITERATIONS), self._afar)
-        except EndedError:  # while it was being derived: whoever asks will see that himself
-            return None
-        if solved is None:
-            return None
-        found, ratio = solved
-        self._note(found)
-        if found.status != "optimal":
-            return None
-        self._promised = ratio * found.objective
-        return self.start(found)
 
     def fewer_for_help(self, offered: Callable[[Fineness], bool]) -> Result:
         """The result from the spec's own guess; if that leads nowhere, from the motion on fewer frames.
@@ -315,17 +239,13 @@ class Nested:
         violated = found.violation > self.options.feasibility_tolerance
         return found.violation if violated else 0.0, found.objective
 
-    def _before(self, most: int = ITERATIONS) -> Solution:
-        """The motion on fewer frames, counted; found in at most ``most`` iterations."""
+    def _before(self) -> Solution:
+        """The motion on fewer frames, counted."""
         # Not to a rougher tolerance: multipliers would not tell any more which constraints are active.
-        before = self.coarse(self._attempt(most), self._afar)
-        self._note(before)
-        return before
-
-    def _note(self, before: Solution) -> None:
-        """Count a solve on fewer frames, and check whether the user has stopped it."""
+        before = self.coarse(self._attempt(), self._afar)
         self._count(before)
         self._stopped = self._stopped or before.status == "interrupted"
+        return before
 
     @property
     def _over(self) -> bool:
@@ -337,10 +257,10 @@ class Nested:
         most = 0 if self._stopped else max(0, self.options.max_iterations - self._iterations)
         return replace(self.options, max_iterations=most)
 
-    def _attempt(self, most: int = ITERATIONS) -> Options:
+    def _attempt(self) -> Options:
         """The options of a solve that is given up after some iterations without success."""
         left = self._left()
-        return replace(left, max_iterations=min(left.max_iterations, most), retries=0)
+        return replace(left, max_iterations=min(left.max_iterations, ITERATIONS), retries=0)
 
     def _from_other_frames(self) -> Options:
         """The options of an attempt on all frames that starts from a motion on other frames."""

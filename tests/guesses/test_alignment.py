@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stc
-from stc.alignment import Alignment
+from stc.guesses.alignment import Alignment
 from stc.phases import named_cuts
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from closed_form_motions import solution_of
 
-from stc.between import ELSEWHERE, check_statements
 from stc.pipeline import load
-from stc.restated import problem_of
 from stc.solution import Solution
+from stc.solution_restated import problem_of
+from stc.statements_between import ELSEWHERE, check_statements
 from stc.trajectory import Channel
 from stc.validate.limits import BETWEEN_SHARES
 from stc.validate.statements import StatementCheck, statement_metrics
@@ -111,7 +111,7 @@ def test_every_method_is_looked_at(method: str) -> None:
 
 def test_long_motions_are_worked_through_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = checked("x <= 5; y = 1.5;")
-    monkeypatch.setattr("stc.between._CHUNK", 1)
+    monkeypatch.setattr("stc.statements_between._CHUNK", 1)
     assert checked("x <= 5; y = 1.5;") == whole
 
 

@@ -9,23 +9,21 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stc import unfinished
-from stc.collecting import collect
 from stc.deadline import left
-from stc.free_end import by_free_end
-from stc.nested import FINE, FewerFrames, Fineness, Nested, half_way
 from stc.optimizers import DEFAULT, Minimizer, SizeWarning, caution, optimizer_of
 from stc.problem import Problem
 from stc.records import dataclass, field
-from stc.relaxing import brought_down
 from stc.solution import Solution
 from stc.solver import Options, Result, Start, Status
 from stc.solver.status import advice, sentence
+from stc.solving import in_progress
+from stc.solving.collect import collect
+from stc.solving.complementarity import brought_down
+from stc.solving.fewer_frames import FINE, FewerFrames, Fineness, Nested
+from stc.solving.free_end import by_free_end
 from stc.transcription import Transcription
 from stc.transcription.bind import BoundProgram
-from stc.transcription.statements import highest_orders
 
 __all__ = ["ColdSolve", "contradictions_of", "solve"]
 
@@ -68,7 +66,7 @@ def solve(
 ) -> tuple[BoundProgram, Result]:
     """Bind constants, compile if necessary, and minimise.
 
-    Products that should be zero are reduced in several solves (see :mod:`stc.relaxing`).
+    Products that should be zero are reduced in several solves (see :mod:`stc.solving.complementarity`).
 
     Args:
         transcription: of the problem.
@@ -116,7 +114,7 @@ def _once(
         bound = transcription.bind(constants, None if start is None else start.x)
         if start is not None:
             start = replace(start, x=bound.x0)
-    under_way = unfinished.current
+    under_way = in_progress.current
     if under_way is not None and under_way.transcription is transcription:
         under_way.start = bound.x0
     if bound.contradictions:
@@ -189,17 +187,6 @@ def _unmoved(bound: BoundProgram, status: Status, message: str = "", least: floa
     )
 
 
-#: A motion that strays from another one by no more than this share of its range is the same one.
-ALIKE = 0.25
-
-
-def _moving(transcription: Transcription) -> list[NDArray[np.int64]]:
-    """The indices of the values at the frames of each variable that has a rate."""
-    problem = transcription.problem
-    highest = highest_orders(problem, [statement.body for statement in problem.relations])
-    return [at for name, order, at, _, _ in transcription.layout.slots() if highest[name] and not order]
-
-
 @dataclass(slots=True)
 class ColdSolve:
     """A solve from a spec's own guess: through fewer frames if there are many, or with their help if it is hard.
@@ -218,7 +205,6 @@ class ColdSolve:
     seconds: dict[str, float] = field(
         default_factory=lambda: dict.fromkeys(("derive", "compile", "solve"), 0.0)
     )
-    _known: dict[Fineness, tuple[Problem, Transcription, Mapping[str, float]]] = field(default_factory=dict)
     _reduced: tuple[Problem, Transcription, Mapping[str, float]] | None = None
     _followed: BoundProgram | None = None
 
@@ -228,9 +214,7 @@ class ColdSolve:
         if self.transcription.is_quadratic or self.problem.relaxation:
             return self._fine(self.options, None, self.callback)
         fewer = self._reduce(FINE)
-        nested = Nested(
-            self._coarse, self._between, self._follow, self._alike, self._fine, self.options, self.callback
-        )
+        nested = Nested(self._coarse, self._follow, self._fine, self.options, self.callback)
         if fewer is not None:
             return nested.fewer_first(fewer.ratio)
         return nested.fewer_for_help(lambda fineness: self._reduce(fineness) is not None)
@@ -240,10 +224,8 @@ class ColdSolve:
         if fewer is None:
             return None
         begin = time.perf_counter()
-        if fineness not in self._known:
-            given = {**self.given, **fewer.constants}
-            self._known[fineness] = *self.model.compiled(self.problem.method, given), given
-        self._reduced = self._known[fineness]
+        given = {**self.given, **fewer.constants}
+        self._reduced = *self.model.compiled(self.problem.method, given), given
         reduced = self._reduced[1]
         seconds = self.seconds
         seconds["solve"] -= time.perf_counter() - begin
@@ -251,45 +233,18 @@ class ColdSolve:
         seconds["compile"] += reduced.seconds.pop("compile", 0.0)
         return fewer
 
-    def _coarse(
-        self, options: Options, told: Callback | None, start: Start | None = None, bound: BoundProgram | None = None
-    ) -> Solution:  # fmt: skip
-        """The motion on fewer frames, from their own guess or a start, and the program that was bound for that."""
+    def _coarse(self, options: Options, told: Callback | None) -> Solution:
+        """The motion on fewer frames, from their own guess."""
         assert self._reduced is not None
         small, reduced, given = self._reduced
-        _, result = solve(
-            reduced, small.constants, options, start, told, minimizer=self.minimizer, bound=bound
-        )
+        _, result = solve(reduced, small.constants, options, None, told, minimizer=self.minimizer)
         return collect(reduced, result, small.constants, given, {})
-
-    def _between(
-        self, motion: Solution, options: Options, told: Callback | None
-    ) -> tuple[Solution, float] | None:
-        """The motion half way from that on fewer frames to all; None where the spec offers none."""
-        assert self._reduced is not None
-        few = self._reduced[0]
-        fineness = half_way(few.n, self.problem.n)
-        fewer = None if fineness is None else self._reduce(fineness)
-        if fewer is None:
-            return None
-        some, reduced, _ = self._reduced
-        start, bound = self.model.follow(motion, reduced, some, few)
-        options = replace(options, warm_start=True, trusting=False)
-        return self._coarse(options, told, start, bound), fewer.ratio
 
     def _follow(self, motion: Solution) -> Start:
         """The start on all frames at a motion that was solved on fewer."""
         before = None if self._reduced is None else self._reduced[0]
         found, self._followed = self.model.follow(motion, self.transcription, self.problem, before)
         return found
-
-    def _alike(self, start: Start, result: Result) -> bool:
-        """Whether all variables with a rate stay close to their start; False if it is not known which have one."""
-        moving = self.transcription.remembered("moving", _moving)
-        return bool(moving) and all(
-            float(np.abs(start.x[at] - result.x[at]).max()) <= ALIKE * float(np.ptp(result.x[at]))
-            for at in moving
-        )
 
     def _fine(self, options: Options, start: Start | None, told: Callback | None) -> Result:
         """Solve with all frames of the motion."""

@@ -10,13 +10,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.collecting import collect
 from stc.errors import StcError
 from stc.optimizers import DEFAULT
 from stc.records import dataclass
 from stc.solution import Solution
 from stc.solver import IterationRecord, Options, Result, Status
 from stc.solver.status import advice, sentence
+from stc.solving.collect import collect
 from stc.transcription import Transcription
 
 __all__ = ["Unfinished", "current", "motion_at"]
@@ -27,7 +27,7 @@ class Unfinished:
     """A solve in progress.
 
     Attributes:
-        transcription, constants, overrides, optimizer: as for :func:`stc.collecting.collect`.
+        transcription, constants, overrides, optimizer: as for :func:`stc.solving.collect.collect`.
         start: the start on all frames, (n,), once it is known.
         best: the record of the best iterate so far.
     """
@@ -91,7 +91,7 @@ def motion_at(
     message: str,
     optimizer: str = DEFAULT,
 ) -> Solution:
-    """The motion at an iterate, without multipliers; arguments as for :func:`stc.collecting.collect`."""
+    """The motion at an iterate, without multipliers; arguments as for :func:`stc.solving.collect.collect`."""
     assert record.x is not None
     result = Result(
         status=status,

@@ -12,9 +12,12 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from stc.errors import StcError
 from stc.phases import resolved, stretches
 from stc.problem import ConstantRef, IndexRef, ParameterRef, Problem, Relation, TimeRef, VariableRef
 from stc.solution import Solution
+from stc.solution_restated import problem_of
+from stc.symbol_values import values_at
 from stc.symbolic.expr import ZERO, Expr, evaluate_all, symbols
 from stc.validate.limits import BETWEEN_SHARES
 from stc.validate.statements import StatementCheck
@@ -26,6 +29,16 @@ _CHUNK = 4096
 #: Positions and other states do not leap: where they break a limit they are held against the sizes there, or this share
 #: of those elsewhere on the motion. Forces may turn at a frame, and are held against all of the motion.
 ELSEWHERE = 0.1
+
+
+def statements_between(solution: Solution) -> list[StatementCheck]:
+    """The violations of a solution's own statements; none if its text cannot be parsed."""
+    if not solution.n:
+        return []
+    try:
+        return check_statements(problem_of(solution), solution)
+    except StcError:  # a motion from elsewhere, whose text is not a spec
+        return []
 
 
 def check_statements(problem: Problem, solution: Solution) -> list[StatementCheck]:
@@ -50,7 +63,7 @@ def check_statements(problem: Problem, solution: Solution) -> list[StatementChec
         ]
         for begin in range(first, last, _CHUNK):
             steps = np.arange(begin, min(begin + _CHUNK, last))
-            values = _values(problem, solution, steps)
+            values = values_at(solution, (steps[:, None] + np.array(BETWEEN_SHARES)).reshape(-1))
             for number, check in _evaluated(problem, here, values):
                 if number not in found or check.share > found[number].share:
                     found[number] = check
@@ -108,23 +121,6 @@ def _summands(body: Expr) -> list[Expr]:
             stack.extend(node.args)
         else:
             found.append(node)
-    return found
-
-
-def _values(
-    problem: Problem, solution: Solution, steps: NDArray[np.int_]
-) -> dict[object, FloatArray | float]:
-    """The value of every symbol at points between the nodes of some steps."""
-    index = (steps[:, None] + np.array(BETWEEN_SHARES)).reshape(-1)
-    motion = solution.at_frame(index)
-    found: dict[object, FloatArray | float] = {ConstantRef(k): v for k, v in solution.constants.items()}
-    found.update({ParameterRef(k): v for k, v in solution.parameters.items()})
-    for name, order in solution.trajectories:
-        found[VariableRef(name, order)] = motion[name + "'" * order]
-    lengths = np.diff(solution.time)
-    whole = index.astype(int)
-    found[TimeRef()] = solution.time[whole] + (index - whole) * lengths[whole]
-    found[IndexRef()] = index
     return found
 
 

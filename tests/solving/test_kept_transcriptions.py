@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import stc
-from stc.kept_transcriptions import KEPT
+from stc.solving.kept_transcriptions import KEPT
 
 SPEC = """
 constants: n = 4, h = 1/n;

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stc.arguments import numbers
-from stc.errors import StcError
 from stc.pipeline import Model
-from stc.restated import problem_of, source_of
 from stc.solution import Solution
-
-if TYPE_CHECKING:
-    from stc.validate.statements import StatementCheck
+from stc.solution_restated import source_of
 
 
 def model_of(solution: Solution) -> Model:
@@ -31,15 +27,3 @@ def resolve(solution: Solution, **changes: Any) -> Solution:
     constants = {**solution.overrides, **numbers(changes.pop("constants", None) or {})}
     changes = {"method": solution.method, "warm_start": solution, **changes}
     return model_of(solution).solve(constants=constants, **changes)
-
-
-def statements_between(solution: Solution) -> list[StatementCheck]:
-    """A solution's own statements between its frames; empty if its text cannot be parsed."""
-    from stc.between import check_statements
-
-    if not solution.n:
-        return []
-    try:
-        return check_statements(problem_of(solution), solution)
-    except StcError:  # a motion from elsewhere, whose text is not a spec
-        return []

@@ -9,8 +9,8 @@ import pytest
 
 import stc
 from stc.errors import UsageError
-from stc.given_values import CoverageWarning, SolutionValues, TableValues, UnusedWarning, table
-from stc.guess_file import read_guess
+from stc.guesses.file import read_guess
+from stc.guesses.values import CoverageWarning, SolutionValues, TableValues, UnusedWarning, table
 from stc.trajectory import METHODS
 from stc.validate.export import export
 
