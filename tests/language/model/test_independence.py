@@ -90,7 +90,7 @@ contact:
   [0, 5*n/12]: {" ".join(f"{leg};" for leg in legs)}
   [7*n/12, n]: {" ".join(f"{leg};" for leg in legs)}
 poses: stand = keyframe.reference{stand};
-constraints: [0]: stand grounded; rest;  [n]: stand + (0.1, 0, 0) grounded; rest;
+constraints: [0]: stand grounded; rest;  [n]: stand + (0.12, 0, 0) grounded; rest;
 objective: [0, n]: integral(effort); integral(1e-4*joint.*''^2);
 """
     (tmp_path / "robot.xml").write_text(_on_planar_legs(legs), encoding="utf-8")
