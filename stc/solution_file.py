@@ -220,7 +220,9 @@ def stored_of(solution: Solution) -> Stored:
 
 
 def model_files(solution: Solution) -> list[RecordedFile]:
-    """The files of the model of a solution: those it was read with; of one that was just solved the present ones."""
+    """The files of the model of a solution: those it was solved or read with; the present ones of a model that only the
+    replay reads.
+    """
     if solution.files:
         return list(solution.files)
     if solution.model is None:
