@@ -223,7 +223,8 @@ class Standing:
         steps = []
         for step in range(max(self.context.n, 1)):
             holding = [one for one in self.holdings if one.stands(step)]
-            holding.sort(key=lambda one: one.frames.first)
+            # Of those that can stand for each other the one that holds on is kept: its rows begin nowhere on the way.
+            holding.sort(key=lambda one: (one.frames.first, -one.frames.last))
             steps.append(tuple([id(one) for one in holding]))
             if steps[-1] not in known:
                 known[steps[-1]] = self._kept(holding)
