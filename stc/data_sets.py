@@ -21,7 +21,7 @@ from stc.errors import StcError
 from stc.recorded_files import DATA_ROLE, RecordedFile
 from stc.records import dataclass, field
 
-__all__ = ["MOST_BYTES", "SUFFIXES", "TIME", "DataError", "DataSet", "files_of", "read_file"]
+__all__ = ["MOST_BYTES", "SUFFIXES", "TIME", "DataError", "DataSet", "files_of", "read_file", "sizes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -236,6 +236,11 @@ def _of_npz(path: str, content: bytes) -> dict[str, FloatArray]:
     if not columns:
         raise DataError(f"`{path}` contains no arrays")
     return columns
+
+
+def sizes(column: FloatArray) -> str:
+    """The length of a column, or both sides of a matrix, in messages."""
+    return " x ".join(str(length) for length in column.shape)
 
 
 def files_of(data: Mapping[str, DataSet]) -> list[RecordedFile]:

@@ -16,6 +16,7 @@ from stc.records import dataclass, field
 if TYPE_CHECKING:
     from stc.data_sets import DataSet
     from stc.errors import Diagnostic, Source, Span
+    from stc.recorded_files import RecordedFile
     from stc.symbolic.expr import Expr
     from stc.symbolic.tables import TableRef
 
@@ -325,6 +326,7 @@ class Problem:
     be zero; empty if there are none.  Several solves reduce it to its value.
     ``free_contacts`` are those that have such products.
     ``at_nodes`` are variables that are chosen node by node, without a course in time: the directions of distances.
+    ``model_files`` are those of the spec's model as they were when it was read, unless the replay has another one.
     ``data`` holds the columns of numbers that the spec reads, ``tables`` the functions that it makes of them.
     ``definitions`` holds those that stand under range headers; ``macros`` the values of all
     others, which occur in no other expression by name.
@@ -365,3 +367,4 @@ class Problem:
     data: Mapping[str, DataSet] = field(default_factory=dict)
     tables: Mapping[str, TableRef] = field(default_factory=dict)
     named: Sequence[NamedFrame] = ()
+    model_files: Sequence[RecordedFile] = ()

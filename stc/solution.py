@@ -174,8 +174,8 @@ class Solution:
         forces of the nearest of them.  Found from the equations of the spec; by default all frames, and for
         ``central`` with second or higher derivatives the frames where the widest stencil fits.
     files : Sequence[RecordedFile]
-        The files of the model as they were when the motion was solved; empty until the solution is saved and
-        read by :func:`read`.
+        The files of the model as they were when the motion was solved; those of a model that only the replay has
+        are added when the solution is saved.
     data : Sequence[RecordedFile]
         The complete data files that the spec reads, as they were when it was solved.
     outside : Sequence[str]

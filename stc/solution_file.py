@@ -171,15 +171,17 @@ def refuse_as_spec(path: Path) -> NoReturn:
     Raises:
         UsageError: always.
     """
-    found = contents(path)
+    import shlex
+
+    found, word = contents(path), shlex.quote(str(path))
     if found == "solution":
         raise UsageError(
             f"{path} is a saved solution, not a spec",
-            f"`stc validate {path}` judges it; `stc solve SPEC --warm-start {path}` solves on from it",
+            f"`stc validate {word}` judges it; `stc solve SPEC --warm-start {word}` solves on from it",
         )
     raise UsageError(
         f"{path} is {'a table of numbers' if found else 'a data file'}, not a spec",
-        f"`stc solve SPEC --guess-from {path}` starts a solve from the numbers of a table",
+        f"`stc solve SPEC --guess-from {word}` starts a solve from the numbers of a table",
     )
 
 
@@ -220,7 +222,9 @@ def stored_of(solution: Solution) -> Stored:
 
 
 def model_files(solution: Solution) -> list[RecordedFile]:
-    """The files of the model of a solution: those it was read with; of one that was just solved the present ones."""
+    """The files of the model of a solution: those it was solved or read with; the present ones of a model that only the
+    replay reads.
+    """
     if solution.files:
         return list(solution.files)
     if solution.model is None:

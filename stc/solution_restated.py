@@ -58,19 +58,24 @@ def source_of(solution: Solution, beside: Path | None = None) -> Source:
     if folder is not None and beside is not None and solution.model is not None:
         moved = not (folder / solution.model).is_file() and (beside / solution.model).is_file()
         folder = beside if moved else folder
-    return _source(solution.name, solution.source, folder, solution.files, solution.data)
+    return _source(solution.name, solution.source, folder, solution.files, solution.data, solution.model)
 
 
 def _source(
-    name: str, text: str, folder: Path | None, files: Sequence[RecordedFile], data: Sequence[RecordedFile]
+    name: str,
+    text: str,
+    folder: Path | None,
+    files: Sequence[RecordedFile],
+    data: Sequence[RecordedFile],
+    model: str | None = None,
 ) -> Source:
     path = "" if folder is None else str(folder / f"{name}.stc")
-    model = _model_of(files, folder)
+    file = _model_of(files, folder, model)
     carried = {file.path: file.content or b"" for file in data}
-    return Source(f"{name}.stc", text, path, None if model is None else str(model), carried)
+    return Source(f"{name}.stc", text, path, None if file is None else str(file), carried)
 
 
-def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None:
+def _model_of(files: Sequence[RecordedFile], folder: Path | None, model: str | None) -> Path | None:
     """The file of the model that a motion was solved for: the file at the place in the text if it is unchanged, else
     the stored one; None if there is neither.
 
@@ -79,7 +84,7 @@ def _model_of(files: Sequence[RecordedFile], folder: Path | None) -> Path | None
     """
     if not files:
         return None
-    name = files[0].path
+    name = model or files[0].path
     bundled = models.locate(name)
     places = [*([] if folder is None else [folder / name]), *([] if bundled is None else [bundled])]
     known = present(files, places)

@@ -161,6 +161,13 @@ def test_times_outside_the_motion_are_refused(t: float) -> None:
         solution.at_frame(4 * t)
 
 
+def test_a_motion_ends_when_it_is_stated_to_end() -> None:
+    """To the last bit, so that other programs accept its times as times of the motion."""
+    for n, duration in ((100, 4.0), (30, 0.3), (7, 1.0)):
+        spec = f"constants: n = {n}, T = {duration}, h = T/n; variables: x; constraints: x'' = 1; [0]: x; x';"
+        assert stc.load(spec).solve(method="trapezoidal").time[-1] == duration
+
+
 def test_unknown_names_offer_the_nearest() -> None:
     time = np.linspace(0, 1, 5)
     orders = of_polynomial(Polynomial([1.0]), 1, time, mid=False) | {("hip", 0): Channel.smooth(time)}

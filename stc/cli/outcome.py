@@ -69,7 +69,9 @@ class Outcome:
     @property
     def next_step(self) -> str:
         """The sentence that refers the user of a time-stepping solve to ``stc schedule``."""
-        file = self.file or f"{self.solution.name}.npz"
+        import shlex
+
+        file = shlex.quote(str(self.file or f"{self.solution.name}.npz"))
         return f"`stc schedule {file}` writes its contacts as ranges of frames, to be solved and validated"
 
     def record(self) -> record.Record:

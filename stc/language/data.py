@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stc.data_sets import TIME, DataError, DataSet, read_file
+from stc.data_sets import TIME, DataError, DataSet, read_file, sizes
 from stc.language import syntax
 from stc.language.constants import CANNOT_USE, Constants
 from stc.language.data_made import (
@@ -414,8 +414,9 @@ class Data:
             return None
         of_time = syntax.Name(path.start, path.end, f"{data.name}.{TIME}"), (data, TIME, time)
         if values.shape != time.shape or time.ndim != 1:
-            message = f"`{path.name}` has another shape than `{data.name}.{TIME}`"
-            self.diagnostics.error(message, path.start, path.end)
+            message = f"`{path.name}` has {sizes(values)} numbers, and `{data.name}.{TIME}` {sizes(time)}"
+            hint = "a function of time has one number for each time"
+            self.diagnostics.error(message, path.start, path.end, hint)
             return None
         if not self._complete(*of_time) or not self._rising(*of_time):
             return None

@@ -35,6 +35,7 @@ from stc.problem import (
     ReplayChannel,
     VariableRef,
 )
+from stc.recorded_files import RecordedFile
 from stc.symbolic.expr import Expr, evaluate, looked_up, symbols
 from stc.trajectory import METHODS, require_method
 
@@ -194,10 +195,16 @@ class Elaborator(Context):
             data={} if self.data is None else self.data.sets,
             tables={} if self.data is None else self.data.tables,
             named=self.positions.named,
+            model_files=self._model_files(model_file),
         )
         checks.warn(problem, self.table, self.builder.first_use, self.diagnostics)
         problem.warnings = self.diagnostics.warnings()
         return problem
+
+    def _model_files(self, replayed: syntax.ModelFile | None) -> Sequence[RecordedFile]:
+        """The files of the spec's model, unless the replay has another one."""
+        own = self.model is not None and replayed is not None and replayed.path == self.model.statement.path
+        return self.model.files if self.model is not None and own else []
 
     def _shaping(self) -> set[str]:
         """Numbers of the model that are not inputs of the compiled program."""

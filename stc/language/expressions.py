@@ -241,8 +241,11 @@ class ExpressionBuilder:
             return UNKNOWN
         data, name, values = found
         if values.shape != (data.rows,):
-            hint = "rows are those of columns of one length"
-            return self.fail(node, f"`{node.name}` has another shape than the rows of `{data.name}`", hint)
+            from stc.data_sets import sizes
+
+            hint = "each row has one number in every column that a statement on rows reads"
+            message = f"`{node.name}` has {sizes(values)} numbers, and `{data.name}` {data.rows} rows"
+            return self.fail(node, message, hint)
         return sym(CellRef(data.name, name))
 
     def _looked_up(self, node: syntax.Call) -> Expr:

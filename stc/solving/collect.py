@@ -36,11 +36,11 @@ def collect(
     optimizer: str = DEFAULT,
 ) -> Solution:
     """The solution with all names: node values, multipliers and replay channels."""
-    source = transcription.problem.source
+    source, files = transcription.problem.source, transcription.problem.model_files
     return Solution(
         **motion_at(transcription, result.x, constants),
         directory=_folder_of(source.path, Path.cwd()) if source.path else "",
-        files=[] if source.model_file is None else record(Path(source.model_file)),
+        files=files if files or source.model_file is None else record(Path(source.model_file)),
         constants=constants,
         overrides=overrides,
         status=str(result.status.value),

@@ -47,6 +47,9 @@ HELD = 1e-9
 CLOSE = 1e-6
 #: A direction that the residuals change less than this with, scaled, is one that they do not determine.
 UNDETERMINED = 1e-13
+#: Weights that hold all scaled directions, so that C exists.  From the first to the second a variance that the
+#: residuals determine stays the same, and any other grows by their ratio: more than :data:`GROWN`.
+SOFT, GROWN = (1e-8, 1e-10), 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,49 +237,69 @@ class _Sparse:
             active: active rows.
         """
         from scipy.sparse import coo_array, csc_array
-        from scipy.sparse.linalg import splu
 
         j = coo_array((slopes[0], slopes[1:]), (self.residuals, self.n)).tocsc()[:, free]
         a = coo_array((jacobian[0], jacobian[1:]), (self.m, self.n)).tocsr()[active].tocsc()[:, free]
-        count, held, size = self.residuals, len(active), len(free)
+        size = len(free)
         # Unknowns have units of all sizes: columns, then the rows of A, are brought to length 1.
         lengths = np.sqrt(np.asarray((j * j).sum(axis=0) + (a * a).sum(axis=0)).reshape(-1))
         scale = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
         j, a = csc_array(j * scale), csc_array(a * scale)
         norms = np.sqrt(np.asarray((a * a).sum(axis=1)).reshape(-1))
         a = csc_array((1.0 / np.where(norms > 0.0, norms, 1.0))[:, None] * a)
-        matrix = _bordered(j.tocoo(), a.tocoo(), count, size)
         place = np.full(self.n, -1)
         place[free] = np.arange(size)
         spread = np.zeros((len(wanted), len(wanted)))
         found = [k for k, at in enumerate(wanted) if place[at] >= 0]
-        try:
-            factors = splu(matrix)
-        except RuntimeError:  # exactly singular
-            factors = None
-        pivots = np.zeros(1) if factors is None else np.abs(factors.U.diagonal())
-        if factors is None or pivots.min() < UNDETERMINED * pivots.max():
-            spread[found, found] = np.inf
-            return spread
         inside = place[wanted[found]]
-        for k in found:
-            right = np.zeros(count + size + held)
-            right[count + place[wanted[k]]] = 1.0
-            column = factors.solve(right)
-            column += factors.solve(right - matrix @ column)  # what rounding left over
-            spread[found, k] = column[count + inside] * scale[inside] * scale[place[wanted[k]]]
+        inverse = _inverse(j, a, inside, 0.0)
+        if inverse is None:  # Something is not determined, or some rows follow from others.
+            soft, inverse = (_inverse(j, a, inside, weight) for weight in SOFT)
+            assert soft is not None
+            assert inverse is not None
+            lost = np.diag(inverse) > GROWN * np.diag(soft)
+            inverse[lost, :] = inverse[:, lost] = 0.0
+            inverse[lost, lost] = np.inf
+        spread[np.ix_(found, found)] = inverse * np.outer(scale[inside], scale[inside])
         return 0.5 * (spread + spread.T)
 
 
-def _bordered(j: Any, a: Any, count: int, size: int) -> Any:
-    """The symmetric matrix of residuals, unknowns and active rows, in SciPy's format of columns."""
+def _inverse(j: Any, a: Any, inside: IntArray, soft: float) -> FloatArray | None:
+    """The part of C for some unknowns, (k, k), with every direction held by this weight; None if C does not exist."""
+    from scipy.sparse.linalg import splu
+
+    count = j.shape[0]
+    matrix = _bordered(j.tocoo(), a.tocoo(), soft)
+    try:
+        factors = splu(matrix)
+    except RuntimeError:  # exactly singular
+        return None
+    pivots = np.abs(factors.U.diagonal())
+    if not soft and pivots.min() < UNDETERMINED * pivots.max():
+        return None
+    right = np.zeros((len(matrix.indptr) - 1, len(inside)))
+    right[count + inside, np.arange(len(inside))] = 1.0
+    columns = factors.solve(right)
+    columns += factors.solve(right - matrix @ columns)  # what rounding left over
+    found: FloatArray = columns[count + inside]
+    return found
+
+
+def _bordered(j: Any, a: Any, soft: float) -> Any:
+    """The symmetric matrix of residuals, unknowns and active rows, in SciPy's format of columns.
+
+    Args:
+        soft: weight that holds every unknown where it is, and by which rows may be missed.
+    """
     from scipy.sparse import coo_array
 
-    ones = np.arange(count)
+    count, size = j.shape
     below = count + size
-    rows = [ones, j.row, count + j.col, below + a.row, count + a.col]
-    cols = [ones, count + j.col, j.row, count + a.col, below + a.row]
-    values = [-np.ones(count), j.data, j.data, a.data, a.data]
     total = below + a.shape[0]
+    diagonal = np.concatenate([-np.ones(count), np.full(size, soft), np.full(a.shape[0], -soft)])
+    every = np.arange(total if soft else count)
+    rows = [every, j.row, count + j.col, below + a.row, count + a.col]
+    cols = [every, count + j.col, j.row, count + a.col, below + a.row]
+    values = [diagonal[: len(every)], j.data, j.data, a.data, a.data]
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))
     return coo_array(entries, (total, total)).tocsc()

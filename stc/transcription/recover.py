@@ -86,7 +86,9 @@ class Recovery:
         self.coefficients = steps.coefficients(constants)
         numbers = {k: v for k, v in self._values.items() if isinstance(v, float | int)}
         self.lengths = steps.lengths(self.coefficients, numbers)
-        self.time: FloatArray = np.concatenate([[0.0], np.cumsum(self.lengths)])
+        # In more digits: 100 steps of 0.04 s are 4 s and not more, which other programs refuse as beyond it.
+        sums = np.cumsum(self.lengths, dtype=np.longdouble)
+        self.time: FloatArray = np.concatenate([[0.0], sums]).astype(np.float64)
 
     def trajectories(self) -> dict[tuple[str, int], Channel]:
         """Node values per (variable, order): the unknowns, and under central the differences."""

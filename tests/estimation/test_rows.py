@@ -200,7 +200,22 @@ def test_what_the_data_do_not_determine_has_no_finite_error() -> None:
     objective: [d]: (a + b + c*d.x - d.y)^2;"""
     solution = Model(Source("line.stc", spec)).solve()
     found = solution.uncertainty()
-    assert found.errors["a"] == np.inf
+    assert found.errors["a"] == found.errors["b"] == np.inf
+    # The slope is determined nevertheless, as by a line with one constant.
+    rows = np.column_stack([np.ones(5), np.arange(5.0)])
+    slope = np.linalg.inv(rows.T @ rows)[1, 1] ** 0.5
+    assert found.errors["c"] == pytest.approx(found.deviation * slope, rel=1e-6)
+
+
+def test_a_constraint_that_is_stated_twice_takes_no_error_away() -> None:
+    spec = """constants: n = 0; parameters: a, b, c;
+    data: d = (x, y): (0, 1), (1, 3), (2, 4), (3, 8), (4, 9);
+    constraints: a = b; 2*a = 2*b;
+    objective: [d]: (a + b + c*d.x - d.y)^2;"""
+    found = Model(Source("line.stc", spec)).solve().uncertainty()
+    rows = np.column_stack([np.full(5, 2.0), np.arange(5.0)])
+    expected = found.deviation * np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
+    assert [found.errors["a"], found.errors["c"]] == pytest.approx(expected.tolist(), rel=1e-6)
 
 
 @pytest.mark.parametrize(

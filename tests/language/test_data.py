@@ -307,6 +307,14 @@ def test_mistakes_in_use(e: str, message: str, tmp_path: Path) -> None:
     assert len(caught.value.diagnostics) == 1
 
 
+@pytest.mark.parametrize(("column", "size"), [(np.zeros(4), "4"), (np.zeros((5, 2)), "5 x 2")])
+def test_a_recorded_array_has_a_number_for_each_time(column: np.ndarray, size: str, tmp_path: Path) -> None:
+    np.savez(tmp_path / "d.npz", time=np.arange(5.0), b=column)
+    with pytest.raises(SpecError) as caught:
+        stated(tmp_path, 'data: d = "d.npz";', "d.b")
+    assert f"`d.b` has {size} numbers, and `d.time` 5" in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("members", "message"),
     [

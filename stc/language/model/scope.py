@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from stc import models
@@ -22,6 +22,7 @@ from stc.mechanism.refusals import KINDS, refusals, without
 from stc.mechanism.settings import changed, settable
 from stc.model_source import ADDITIONS
 from stc.problem import ConstantRef, Rotation, VariableRef
+from stc.recorded_files import RecordedFile, record
 from stc.records import dataclass
 from stc.symbolic.expr import Expr, sym
 
@@ -136,6 +137,7 @@ class ModelScope:
     Attributes:
         statement: the statement that names it.
         path: the file.
+        files: it and all that it names, as they were when it was read.
         contact_forces: the names of the forces of the spec's contacts, each with its declaration.
         relaxed: the constant that relaxes contacts under ``free:``, with its value.
         mechanism: its numbers.
@@ -155,8 +157,10 @@ class ModelScope:
         contact_forces: Iterable[tuple[str, syntax.Node]] = (),
         relaxed: Mapping[str, float] | None = None,
         changes: Mapping[SettingPath, float] | None = None,
+        files: Sequence[RecordedFile] = (),
     ) -> None:
         self.statement = statement
+        self.files = files
         self.relaxed = relaxed or {}
         self.contact_forces = list(contact_forces)
         self.path = path
@@ -266,7 +270,7 @@ def model_of(
         changes = {known[name]: float(value) for name, value in given.items()}
         mechanism = changed(plain.mechanism, changes)
         tree.models[key] = ModelScope(
-            plain.statement, plain.path, mechanism, plain.contact_forces, plain.relaxed, changes
+            plain.statement, plain.path, mechanism, plain.contact_forces, plain.relaxed, changes, plain.files
         )
     found = tree.models[key]
     return found if isinstance(found, ModelScope) else None
@@ -287,6 +291,7 @@ def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
         return None
     added = _known_words(first.additions, ADDITIONS, "added to a model", diagnostics)
     left = _known_words(first.without, KINDS, "left out of a model", diagnostics)
+    files = record(path)
     try:
         mechanism = read_model(path, additions=added)
     except StcError as error:
@@ -306,7 +311,9 @@ def _read(tree: syntax.SpecTree, diagnostics: Diagnostics) -> ModelScope | None:
     for refusal in stated:
         hint = f'leave it out knowingly with `model: "{first.path}" without {refusal.kind};`; the verdict will say so'
         diagnostics.error(f"this model cannot be stated exactly: {refusal}", first.start, first.end, hint)
-    return None if stated else ModelScope(first, path, mechanism, list(declared_names(tree)), _relaxed(tree))
+    if stated:
+        return None
+    return ModelScope(first, path, mechanism, list(declared_names(tree)), _relaxed(tree), files=files)
 
 
 def _known_words(

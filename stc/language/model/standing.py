@@ -39,9 +39,9 @@ OFF_SURFACE = 1e-3
 #: fine enough to mean anything, and keeps an optimiser from leaping from one branch of a closed loop to another.
 LARGEST_CORRECTION = 0.05
 
-#: A ball that rolls in space between two fixed poses may slip by so much in all, in m: on short ways it would come to
-#: nearly the same place without, so that the later pose would say nothing new to first order.
-SLIP = 1e-4
+#: If a ball rolls in space between two fixed poses, what the rolling implies of the later one to first order is met to
+#: so much, in m or rad: as equations the two would depend on each other.
+NEARLY = 1e-4
 
 UNUSED = "no step is corrected here"
 
@@ -223,7 +223,8 @@ class Standing:
         steps = []
         for step in range(max(self.context.n, 1)):
             holding = [one for one in self.holdings if one.stands(step)]
-            holding.sort(key=lambda one: one.frames.first)
+            # Of those that can stand for each other the one that holds on is kept: its rows begin nowhere on the way.
+            holding.sort(key=lambda one: (one.frames.first, -one.frames.last))
             steps.append(tuple([id(one) for one in holding]))
             if steps[-1] not in known:
                 known[steps[-1]] = self._kept(holding)
@@ -397,18 +398,7 @@ class Standing:
                 found.append(self._correction(rates, 0, stretch.frames))
                 rates = {f"correction.{one.path}.v{k}": one.velocities[k] for k in velocities}
                 found.append(self._correction(rates, 1, stretch.frames))
-                if self._may_slip(one, stretch.frames):
-                    rates = {f"correction.{one.path}.r{k}": one.velocities[k] for k in velocities if k < 2}
-                    found.append(self._correction(rates, 0, stretch.frames))
         return [one for one in found if one.unknowns]
-
-    def _may_slip(self, one: Holding, frames: FrameRange) -> bool:
-        """Whether a ball stands between two fixed poses, of which the later one does not follow from its rolling."""
-        contact = self.contacts.contacts.get(one.name)
-        if contact is None or not contact.radius:
-            return False
-        known = [self._known(frame) for frame in self.pinned if frame > frames.first]
-        return any(one in held and not certain for held, certain in known)
 
     def _correction(self, rates: Mapping[str, Expr], order: int, frames: FrameRange) -> Correction:
         seeds = [(rate, sym(VariableRef(name))) for name, rate in rates.items()]
@@ -439,15 +429,9 @@ class Standing:
             yield Relation(body, ZERO, ZERO, FrameRange(at, n), span, UNUSED)
             if not beside:
                 yield Relation(body, ZERO, ZERO, self.context.everywhere, span, UNUSED, on_frames=True)
-            kind = name.rpartition(".")[2][0]
-            if kind != "v":
-                most = (
-                    LARGEST_CORRECTION
-                    if kind != "r"
-                    else SLIP / sum(where.last - where.first for where in ranges)
-                )
-                limit = num(most)
-                text = f"no step is corrected by more than {most:g} m or rad"
+            if not name.rpartition(".")[2].startswith("v"):
+                limit = num(LARGEST_CORRECTION)
+                text = f"no step is corrected by more than {LARGEST_CORRECTION} m or rad"
                 for where in ranges:
                     within = FrameRange(where.first, where.last - beside)
                     yield Relation(body, neg(limit), limit, within, span, text)
@@ -487,12 +471,15 @@ class Standing:
             self._check(holding, frame, pinned)
             held = [self._held(one, frame, point) for one in holding]
             known, certain = self._known(frame)
-            held += [point.jacobian(one.velocities) for one in known if certain]
-            keep = pins_to_keep(stacked(held, self.width), pinned.dofs(False))
+            rolling = [point.jacobian(one.velocities) for one in known]
+            exact = pins_to_keep(stacked([*held, *rolling], self.width), pinned.dofs(False))
+            held += rolling if certain else [np.eye(self.width)[exact]]
+            nearly = pins_to_keep(stacked(held, self.width), pinned.dofs(False))
             for row, statement in pinned.rows:
-                if not row.velocity and row.dof in keep:
+                if not row.velocity and row.dof in {*exact, *nearly}:
+                    off = ZERO if row.dof in exact else num(NEARLY)
                     where, span = FrameRange(frame, frame), self.context.span(statement)
-                    yield Relation(row.body, ZERO, ZERO, where, span, row.text)
+                    yield Relation(row.body, neg(off), off, where, span, row.text)
             yield from self._velocity_pins(frame, pinned, holding, point)
 
     def _known(self, frame: int) -> tuple[list[Holding], bool]:

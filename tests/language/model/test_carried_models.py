@@ -72,6 +72,22 @@ def test_a_model_that_is_edited_between_two_solves_is_judged_as_it_is(tmp_path: 
         assert report.findings == report.faults == [] and report.claims.optimality < 1e-6
 
 
+def test_a_model_that_is_edited_after_the_solve_is_not_taken_for_the_one_that_was_solved(
+    tmp_path: Path,
+) -> None:
+    """Neither by the verdict on the solution at hand, nor by the file that is written after the edit."""
+    spec = load(tmp_path, ARM, SPEC)
+    solution = spec.solve()
+    (tmp_path / "robot.xml").write_text(ARM.replace('mass="1"', 'mass="2"'), encoding="utf-8")
+    solution.save(tmp_path / "motion.npz")
+    for motion in (solution, stc.read(tmp_path / "motion.npz"), spec.solve(T=1.2)):
+        report = validate(motion)
+        assert any("has changed since this motion was solved" in fault for fault in report.faults)
+        assert report.findings == report.faults and len(report.faults) == 1
+    (tmp_path / "robot.xml").write_text(ARM, encoding="utf-8")
+    assert validate(stc.read(tmp_path / "motion.npz")).faults == []
+
+
 def test_another_model_with_other_joints_is_told_of(saved: Path) -> None:
     (saved.parent / "robot.xml").write_text(ARM.replace('name="a" axis', 'name="b" axis'), encoding="utf-8")
     assert stc.read(saved)["joint.a"][-1] == pytest.approx(1.0)
