@@ -48,5 +48,5 @@ def test_solve_prints_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
           joint.root.wx; joint.root.wy = {2 * math.pi * 1.5}; joint.root.wz;""",
         encoding="utf-8",
     )
-    assert run(["solve", str(tmp_path / "motion.stc")]) == 0
+    assert run(["solve", str(tmp_path / "motion.stc"), "-o", str(tmp_path / "motion.npz")]) == 0
     assert "joint.root 1.5 about y" in capsys.readouterr().out
