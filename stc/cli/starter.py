@@ -81,7 +81,7 @@ def write(
     path = Path(name)
     if path.suffix != ".stc":
         path = path.with_name(path.name + ".stc") if path.name else path
-    if path.stem in ("", ".stc") or name.endswith(("/", os.sep)):
+    if path.stem in ("", ".stc") or name.endswith(("/", os.sep)) or "\0" in name:
         raise UsageError(f"`{name}` is not a name for a spec")
     word = shlex.quote(str(path))
     text = _TEXT.format(name=path.stem, word=word)
