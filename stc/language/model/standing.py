@@ -99,9 +99,7 @@ class Standing:
         self._known_at: dict[int, tuple[list[Holding], bool]] = {}
         self.generic = self._generic(links)
         self.drawn = self._drawn()
-        if not np.isfinite(
-            self.drawn.numbers([place.zero for place, _ in self.rows if place.zero is not None])
-        ).all():
+        if not np.isfinite(self.drawn.numbers(self.zeros)).all():
             self.drawn = self.drawn.aside()
         self._check_links(links)
         self.stretches = list(self._stretches())
@@ -133,6 +131,8 @@ class Standing:
         moved = np.abs(point.jacobian([place.rate for place in places])).max(axis=1, initial=0.0) > DEPENDENT
         #: Of the constraints with known places each row, and whether any joint changes it.
         self.rows = [(place, bool(changes)) for place, changes in zip(places, moved, strict=True)]
+        #: What is zero where they hold.
+        self.zeros = [place.zero for place, _ in self.rows if place.zero is not None]
         return self._closed(point)
 
     def _closed(self, point: Point) -> Point:
@@ -148,10 +148,9 @@ class Standing:
         What no joint changes is told: it has no effect in MuJoCo either.
         """
         named = [one.name for one in links for place in one.places if place.zero is not None]
-        zeros = [place.zero for place, _ in self.rows if place.zero is not None]
         moved = np.array([changes for _, changes in self.rows], bool)
         starts = [self.generic, self.drawn, *(self._at(frame) for frame in self.pinned)]
-        offs = [np.abs(self._closed(start).numbers(zeros)) for start in starts] if zeros else []
+        offs = [np.abs(self._closed(start).numbers(self.zeros)) for start in starts] if self.zeros else []
         least = min(offs, key=lambda off: float((off * moved).max()), default=np.zeros(0))
         statement, told = self.scope.statement, set[str]()
         for name, off, changes in zip(named, least.tolist(), moved.tolist(), strict=True):
